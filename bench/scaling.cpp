@@ -1,9 +1,10 @@
 #include "scaling.hpp"
 
 #include "frames.hpp"
-#include "pictures/plot.hpp"
 #include "simulating.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/casting/caster.hpp"
+#include "xraycast/reports/plot.hpp"
 #include "xraycast/segmentation/vesselness.hpp"
 
 #include <fmt/format.h>
@@ -77,7 +78,7 @@ void measure_drawing_scaling(Bench& bench, const std::filesystem::path& plot) {
     for (int i = 0; i < 25; ++i) times_ms.push_back(frames.next_ms());
     return median(times_ms);
   };
-  cli::Curve over_layers{"1 to 64 layers, 640 x 480 pixels", {}},
+  Curve over_layers{"1 to 64 layers, 640 x 480 pixels", {}},
       over_pixels{"8 layers, 320 x 240 to 1920 x 1440", {}};
   for (const int layers : {1, 2, 4, 8, 16, 32, 64}) {
     const double ms = frame_ms(layers, 640, 480);
@@ -89,13 +90,14 @@ void measure_drawing_scaling(Bench& bench, const std::filesystem::path& plot) {
     fmt::print("{:>5} x {:<4} pixels {:>8.2f} ms\n", 320 * side, 240 * side, ms);
     over_pixels.points.emplace_back(side * side / 36.0, ms);
   }
-  cli::write_plot("Time of a frame", "share of the largest", "ms", {over_layers, over_pixels}, plot);
+  write_picture(xraycast::plot("Time of a frame", "share of the largest", "ms", {over_layers, over_pixels}),
+                plot);
 }
 
 void measure_rod_scaling(const std::filesystem::path& plot) {
   // One spacing for all, so that only the number of nodes changes.
   constexpr double kSpacing_mm = 1.2;
-  cli::Curve curve{"50 to 800 nodes", {}};
+  Curve curve{"50 to 800 nodes", {}};
   for (const std::size_t nodes : {50, 100, 200, 400, 800}) {
     DeviceSteps steps(1, nodes, kSpacing_mm);
     std::vector<double> times_ms;
@@ -104,14 +106,13 @@ void measure_rod_scaling(const std::filesystem::path& plot) {
     fmt::print("{:>5} {:<7} {:>8.3f} ms\n", nodes, "nodes", ms);
     curve.points.emplace_back(static_cast<double>(nodes), ms);
   }
-  cli::write_plot("Time of a step of the catheter", "nodes", "ms", {curve}, plot);
+  write_picture(xraycast::plot("Time of a step of the catheter", "nodes", "ms", {curve}), plot);
 }
 
 void measure_scaling(Bench& bench, const std::filesystem::path& plot) {
-  std::vector<cli::Curve> curves;
+  std::vector<Curve> curves;
   for (const Scaling& scaling : scalings(bench)) {
-    cli::Curve curve{fmt::format("{}, {} to {}", scaling.size, scaling.values.front(), scaling.values.back()),
-                     {}};
+    Curve curve{fmt::format("{}, {} to {}", scaling.size, scaling.values.front(), scaling.values.back()), {}};
     for (const int value : scaling.values) {
       const double ms = median_ms(scaling, value);
       fmt::print("{:>5} {:<7} {:>8.2f} ms\n", value, scaling.size, ms);
@@ -119,11 +120,11 @@ void measure_scaling(Bench& bench, const std::filesystem::path& plot) {
     }
     curves.push_back(std::move(curve));
   }
-  cli::write_plot("Time of a cast", "share of the largest", "ms", curves, plot);
+  write_picture(xraycast::plot("Time of a cast", "share of the largest", "ms", curves), plot);
 }
 
 void measure_segmenting_scaling(Bench& bench, const std::filesystem::path& plot) {
-  cli::Curve curve{"vesselness at three scales", {{0, 0}}};
+  Curve curve{"vesselness at three scales", {{0, 0}}};
   for (const int size : {128, 256, 384}) {
     const Cube cube = cube_of(bench, size);
     const auto run = [&] {
@@ -135,7 +136,9 @@ void measure_segmenting_scaling(Bench& bench, const std::filesystem::path& plot)
     fmt::print("{:>5}^3 voxels {:>8.0f} ms, {:.1f} ns a voxel\n", size, ms, ms / megavoxels);
     curve.points.emplace_back(megavoxels, ms / 1000);
   }
-  cli::write_plot("Time of vesselness: 128, 256 and 384 voxels cubed", "million voxels", "s", {curve}, plot);
+  write_picture(
+      xraycast::plot("Time of vesselness: 128, 256 and 384 voxels cubed", "million voxels", "s", {curve}),
+      plot);
 }
 
 }  // namespace xraycast::bench

@@ -1,13 +1,12 @@
 #include "options/command.hpp"
 #include "options/view_options.hpp"
-#include "pictures/comparison_picture.hpp"
-#include "pictures/plot.hpp"
 #include "xraycast/acquisition/compare_request.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/reports/comparison_report.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/scene/scene.hpp"
 
@@ -31,22 +30,6 @@ struct CompareArguments {
   CompareRequest request;
   const CLI::App* command = nullptr;
 };
-
-/// A measure that --plot shows, and the label of its axis.
-struct Measure {
-  const char *name, *label;
-  double (*of)(const ImageSimilarity&);
-};
-constexpr Measure kMeasures[] = {
-    {"psnr", "PSNR (dB)", [](const ImageSimilarity& similarity) { return similarity.psnr_db; }},
-    {"ssim", "SSIM", [](const ImageSimilarity& similarity) { return similarity.ssim; }},
-    {"rmse", "RMSE of tau (% of the largest of all views)",
-     [](const ImageSimilarity& similarity) { return 100 * similarity.rmse; }}};
-
-const Measure& parse_measure(const std::string& name) {
-  return *std::ranges::find(kMeasures, name,
-                            [](const Measure& measure) { return std::string(measure.name); });
-}
 
 /// The request, without the maps.
 CompareRequest parse_request(const CompareArguments& options) {
@@ -78,25 +61,12 @@ void make_picture_folder(const CompareArguments& options) {
   check_writable(std::filesystem::path(options.pictures) / "picture.png");
 }
 
-/// The content of a map, as text for the user.
-std::string contents_of(const BodyMap& map) {
-  const MapGeometry& geometry = map.geometry;
-  return pluralize(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
-}
-
-std::string title_of(const ComparedMap& compared) {
-  return fmt::format("{}, {}", std::filesystem::path(compared.name).stem().string(),
-                     contents_of(*compared.map));
-}
-
-void write_frame(const ComparedFrame& frame, const ComparedMap& compared, const std::string& folder) {
-  write_comparison_picture(
-      fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", title_of(compared), label(frame.view),
-                  frame.similarity.psnr_db, frame.similarity.ssim),
-      frame.tau, frame.drr_tau, frame.view.width,
-      std::filesystem::path(folder) / fmt::format("{}-{:03g}.png",
-                                                  std::filesystem::path(compared.name).stem().string(),
-                                                  frame.angle_deg));
+void write_frame(const ComparedFrame& frame, const CompareRequest& request, const std::string& folder) {
+  const auto [width, height, greys] = comparison_picture(request, frame);
+  const std::filesystem::path map = request.maps[frame.map].name;
+  write_picture(
+      greys, width, height, 1,
+      folder / std::filesystem::path(fmt::format("{}-{:03g}.png", map.stem().string(), frame.angle_deg)));
 }
 
 Json json_of(const FrameSimilarity& similarity) {
@@ -125,20 +95,6 @@ std::string text_of(const MapComparison& comparison, const ComparedMap& compared
       "SSIM {:.3f}, RMSE of tau {:.2f} % of its maximum; PSNR against the whole scan {:.1f} dB\n",
       compared.name, pluralize(comparison.views.size(), "view"), contents_of(*compared.map), covered.psnr_db,
       lowest.covered.psnr_db, covered.ssim, 100 * covered.rmse, whole_psnr_db);
-}
-
-void plot_comparisons(const std::vector<MapComparison>& comparisons, const CompareRequest& request,
-                      const CompareArguments& options) {
-  const Measure& measure = parse_measure(options.plotted);
-  std::vector<Curve> curves;
-  for (std::size_t i = 0; i < comparisons.size(); ++i) {
-    curves.push_back({title_of(request.maps[i]), {}});
-    for (std::size_t v = 0; v < request.angles_deg.size(); ++v)
-      curves.back().points.emplace_back(request.angles_deg[v], measure.of(comparisons[i].views[v].covered));
-  }
-  write_plot(fmt::format("{}, compositing {}", std::filesystem::path(options.input).filename().string(),
-                         options.compositing),
-             "C-arm angle (deg)", measure.label, curves, options.plot);
 }
 
 void report_comparisons(const std::vector<MapComparison>& comparisons, const CompareRequest& request,
@@ -181,9 +137,10 @@ void compare_maps(const CompareArguments& options, Invocation& invocation) {
   const HeadlessContext context;
   const std::vector<MapComparison> comparisons =
       compare(request, resident, invocation.progress, [&](const ComparedFrame& frame) {
-        if (!options.pictures.empty()) write_frame(frame, request.maps[frame.map], options.pictures);
+        if (!options.pictures.empty()) write_frame(frame, request, options.pictures);
       });
-  if (!options.plot.empty()) plot_comparisons(comparisons, request, options);
+  if (!options.plot.empty())
+    write_picture(comparison_plot(options.input, options.plotted, request, comparisons), options.plot);
   report_comparisons(comparisons, request, options, invocation);
 }
 

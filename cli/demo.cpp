@@ -1,10 +1,5 @@
 #include "embedded_scripts.hpp"
 #include "options/command.hpp"
-#include "pictures/contact_sheet.hpp"
-#include "pictures/hub_plot.hpp"
-#include "pictures/index_page.hpp"
-#include "pictures/map_preview.hpp"
-#include "pictures/vessel_report.hpp"
 #include "xraycast/acquisition/run_cine.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
@@ -19,6 +14,11 @@
 #include "xraycast/export/export_request.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/reports/contact_sheet.hpp"
+#include "xraycast/reports/hub_plot.hpp"
+#include "xraycast/reports/index_page.hpp"
+#include "xraycast/reports/map_preview.hpp"
+#include "xraycast/reports/vessel_report.hpp"
 #include "xraycast/requests/cast_request.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scan/scan.hpp"
@@ -74,7 +74,7 @@ class Report {
   }
 
   void finish() const {
-    write_contact_sheet(pictures_, 4, file("contact-sheet.png"));
+    write_picture(contact_sheet(pictures_, 4), file("contact-sheet.png"));
     write_index_page("xraycast: from a CT scan to body maps",
                      {file("run.html"), "The catheter's run as a page of its own: drag to turn, press Play"},
                      pictures_, facts_, file("index.html"));
@@ -83,7 +83,7 @@ class Report {
  private:
   fs::path folder_;
   const Invocation& session_;
-  std::vector<Picture> pictures_;
+  std::vector<CaptionedPicture> pictures_;
   std::vector<std::pair<std::string, std::string>> facts_;
 };
 
@@ -100,7 +100,7 @@ BodyMap make_map(const SpectralScan& scan, const OutlineFinder& body, int layers
   map.source = "thorax phantom";
   const std::string name = fmt::format("map-{}", layers);
   write_body_map(map, report.file(name + ".exr"));
-  write_map_preview(map, PreviewWindow::automatic, report.file(name + ".png"));
+  write_picture(map_preview(map, PreviewWindow::automatic), report.file(name + ".png"));
   return map;
 }
 
@@ -172,7 +172,7 @@ VesselTree segment_phantom(const Volume& volume, ComputeDevice& device, Report& 
   const Vessels vessels = report.timed("vessels segmented",
                                        [&] { return find_vessels(volume, request, name, device, progress); });
   write_vessels(vessels, {}, request.is_automatic(), report.file("vessels"), progress);
-  write_vessel_report(name, vessels, request, volume, report.file("vessels/report.png"));
+  write_picture(vessel_report(name, vessels, request, volume), report.file("vessels/report.png"));
   report.picture("vessels/report.png", "Vessels: mask and tree over the scan");
   return vessels.centrelines.tree;
 }
@@ -272,9 +272,8 @@ void make_run(const std::shared_ptr<const VesselTree>& tree, const std::shared_p
                                                  run.last[0].tip.arc_length_mm));
   report.film("run-fluoro", "Cobra to the left renal artery");
   report.film("run-surface", "the same run");
-  std::vector<RunRecord> course;
-  for (const std::vector<RunRecord>& records : run.records) course.push_back(records[0]);
-  write_hub_plot("Cobra 5 F: force and torque at the hub", course, report.file("run-forces.png"));
+  write_picture(hub_plot("Cobra 5 F: force and torque at the hub", run.records, 0),
+                report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
   write_run_page(*tree, map, std::move(recorded), report);
 }

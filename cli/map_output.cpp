@@ -1,8 +1,9 @@
 #include "map_output.hpp"
 
-#include "pictures/map_preview.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/reports/map_preview.hpp"
 
 #include <fmt/format.h>
 
@@ -37,8 +38,7 @@ void write_map(const BodyMap& map, const MapOutput& output) {
     throw InputError("{}: the map's values exceed 16-bit floats; give --precision float or byte", output.map);
   write_body_map(map, output.map);
   if (!output.preview.empty())
-    write_map_preview(map, output.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,
-                      output.preview);
+    write_picture(map_preview(map, parse_preview_window(output.window)), output.preview);
 }
 
 void report_preview(const MapGeometry& geometry, const MapOutput& output, Json& json, std::string& text) {

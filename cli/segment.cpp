@@ -1,10 +1,12 @@
 #include "options/command.hpp"
-#include "pictures/step_pictures.hpp"
-#include "pictures/vessel_report.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
+#include "xraycast/image_file/write_volume.hpp"
+#include "xraycast/reports/step_report.hpp"
+#include "xraycast/reports/vessel_report.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/vessels.hpp"
 #include "xraycast/series/seg_file.hpp"
@@ -12,9 +14,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <memory>
-#include <optional>
 
 namespace xraycast::cli {
 namespace {
@@ -55,22 +57,47 @@ SegmentRequest parsed(const SegmentArguments& options) {
   return request;
 }
 
-/// The vessels, with pictures of the steps up to a failing one where --explain asks for them.
+/// Makes the folder of --explain, without the files that an earlier run left. Throws InputError.
+void prepare(const fs::path& folder) {
+  constexpr std::array kSteps{"window",          "body", "bone",      "chambers", "evidence",
+                              "trabecular-bone", "gaps", "selection", "filling"};
+  constexpr std::array kFormerSteps{"ridges", "lumen"};
+  make_folder(folder, "--explain " + folder.string());
+  std::vector<std::string> names{"steps.png"};
+  for (std::size_t number = 1; number <= kSteps.size(); ++number)
+    for (const char* const step : kSteps) names.push_back(fmt::format("{}-{}.nrrd", number, step));
+  for (std::size_t number = 1; number <= kFormerSteps.size(); ++number)
+    names.push_back(fmt::format("{}-{}.nrrd", number, kFormerSteps[number - 1]));
+  for (const std::string& name : names) {
+    std::error_code error;
+    fs::remove(folder / name, error);
+    if (error)
+      throw InputError("{}: the file of an earlier run cannot be removed: {}; delete it",
+                       (folder / name).string(), error.message());
+  }
+}
+
+/// The vessels, with masks and a picture of the steps up to a failing one where --explain asks for them.
 Vessels explained(const Volume& volume, SegmentRequest request, const SegmentArguments& options,
                   Invocation& invocation) {
   ComputeDevice device(invocation.device);
-  std::optional<StepPictures> steps;
+  StepReport steps;
+  const fs::path folder = options.explain;
   if (!options.explain.empty()) {
-    make_folder(options.explain, "--explain " + options.explain);
-    steps.emplace(options.explain);
-    request.explain = [&](const std::string& step, const Mask& mask) { steps->add(step, mask); };
+    prepare(folder);
+    request.explain = [&](const std::string& step, const Mask& mask) {
+      write_mask(mask.geometry, mask.voxels, folder / fmt::format("{}-{}.nrrd", steps.add(step, mask), step));
+    };
   }
+  const auto finish = [&] {
+    if (!steps.is_empty()) write_picture(steps.picture(volume), folder / "steps.png");
+  };
   try {
     Vessels vessels = find_vessels(volume, request, options.input, device, invocation.progress);
-    if (steps) steps->finish(volume);
+    finish();
     return vessels;
   } catch (const InputError&) {
-    if (steps) steps->finish(volume);
+    finish();
     throw;
   }
 }
@@ -80,7 +107,8 @@ void write_all(const Vessels& vessels, const ScanInfo& scan, const Volume& volum
                const SegmentRequest& request, const SegmentArguments& options, const Invocation& invocation) {
   make_folder(options.folder, "-o " + options.folder);
   OutputSet outputs;
-  write_vessel_report(options.input, vessels, request, volume, fs::path(options.folder) / "report.png");
+  write_picture(vessel_report(options.input, vessels, request, volume),
+                fs::path(options.folder) / "report.png");
   write_vessels(vessels, scan, request.is_automatic(), options.folder, invocation.progress);
   outputs.commit();
 }

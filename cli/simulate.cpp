@@ -3,9 +3,6 @@
 #include "options/fluoroscope_options.hpp"
 #include "options/run_options.hpp"
 #include "options/view_options.hpp"
-#include "pictures/hub_plot.hpp"
-#include "pictures/plot.hpp"
-#include "pictures/run_report.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/acquisition/run_cine.hpp"
 #include "xraycast/base/atomic_file.hpp"
@@ -15,6 +12,7 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/reports/hub_plot.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
@@ -44,6 +42,16 @@ struct SimulateArguments {
   FluoroscopeArguments fluoroscope;
   const CLI::App* command = nullptr;
 };
+
+/// forces.png, forces-2.png and so on, one a device; none without --plot.
+std::vector<fs::path> plots_of(const SimulateArguments& options) {
+  if (options.plot.empty()) return {};
+  std::vector<fs::path> paths{options.plot};
+  for (std::size_t d = 2; d <= options.run.instrument_models.size(); ++d)
+    paths.push_back(paths[0].parent_path() /
+                    fmt::format("{}-{}{}", paths[0].stem().string(), d, paths[0].extension().string()));
+  return paths;
+}
 
 /// Throws InputError for what is no patient, or applies to no DICOM file.
 XaOptions parse_xa(const SimulateArguments& options) {
@@ -84,7 +92,7 @@ class Cine {
        const Invocation& invocation) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     const BodyBounds bounds = bounds_of(map->geometry);
-    invocation.say(notes_on_place(points_of(tree), bounds, options.tree));
+    invocation.say(notes_on_place(tree, bounds, options.tree));
     const RunCine::Options cine{.view = view_of(options, bounds),
                                 .picture = picture_of(options),
                                 .injection = parse_injection(options.injection),
@@ -159,6 +167,16 @@ Json json_of(const InstrumentTip& tip) {
           {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
 }
 
+/// Where the tips ended, by a run's last records.
+std::string text_of(const std::vector<RunRecord>& last) {
+  std::string text;
+  for (std::size_t d = 0; d < last.size(); ++d)
+    text +=
+        fmt::format("{}: in branch {}, {:.0f} mm along it", d == 0 ? "tip" : fmt::format("; tip {}", d + 1),
+                    last[d].tip.branch, last[d].tip.arc_length_mm);
+  return text;
+}
+
 Json json_of(const Run& run, const RunRequest& request, const SimulateArguments& options, double wall_s) {
   const VesselEnd& entry = run.entry;
   Json json{{"tree", options.tree},
@@ -181,8 +199,7 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
 
 void simulate(const SimulateArguments& options, Invocation& invocation) {
   check_writable(options.log);
-  for (const fs::path& path : HubPlot::paths(options.plot, options.run.instrument_models.size()))
-    check_picture_name(path, "--plot " + path.string());
+  for (const fs::path& path : plots_of(options)) check_picture_name(path, "--plot " + path.string());
   check_cine(options);
   RunRequest request = parse_run(options.run, options.tree);
   if (!options.cine.empty()) request.injection = parse_injection(options.injection);
@@ -192,16 +209,17 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
   std::optional<Cine> cine;
   if (!options.cine.empty())
     cine.emplace(options, *request.tree, request.script->rows().back().time_s, invocation);
-  std::optional<HubPlot> plot;
-  if (!options.plot.empty()) plot.emplace(*request.script);
+  HubSamples samples(*request.script);
   const Run run = xraycast::run(request, invocation.progress, [&](const Instruments& moved, double time_s) {
-    if (plot) plot->see(moved, time_s);
+    if (!options.plot.empty()) samples.see(moved, time_s);
     if (cine) cine->see(moved, time_s);
   });
   const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
   OutputSet outputs;
   write_whole_file(options.log, to_csv(run.records));
-  if (plot) plot->write(request.instruments, options.plot);
+  const std::vector<fs::path> plots = plots_of(options);
+  for (std::size_t d = 0; d < plots.size(); ++d)
+    write_picture(hub_plot(request.instruments[d].name() + ": at the hub", samples.records(), d), plots[d]);
   if (cine) cine->finish();
   outputs.commit();
 
@@ -219,8 +237,7 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
   if (cine && cine->withheld_ml() > 0)
     pictures += fmt::format("{:.1f} ml of contrast agent were not injected: {}\n", cine->withheld_ml(),
                             reason_for_no_outlet(request.instruments));
-  for (const fs::path& file : HubPlot::paths(options.plot, request.instruments.size()))
-    pictures += fmt::format("{}: written\n", file.string());
+  for (const fs::path& file : plots) pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
   invocation.report(
       result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"

@@ -13,6 +13,7 @@
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/recast.hpp"
+#include "xraycast/reports/map_preview.hpp"
 #include "xraycast/requests/cast_request.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 
@@ -242,6 +243,14 @@ void add_body(nb::module_& module) {
           "dsa: depths are the differences from the picture without the vessels.\n"
           "compositing: how shells add up along a ray: path, by the path length in each, or wall, once per "
           "wall, as in the paper.")
+      .def(
+          "preview",
+          [](const HeldBody& self, const std::string& preview_window) {
+            return picture_array(map_preview(*self.map, parse_preview_window(preview_window)));
+          },
+          nb::kw_only(), nb::arg("preview_window") = "auto", kShared,
+          "The layers, innermost on top, with their radii and scales: (rows, columns, 3) uint8.\n\n"
+          "preview_window: of greys, auto: from the map's values; paper: the transmission, unscaled.")
       .def("_repr_png_", preview_png, "PNG for notebooks: the layers, innermost on top.")
       .def("__repr__", [](const HeldBody& b) {
         const MapGeometry& g = b.map->geometry;

@@ -4,6 +4,7 @@
 #include "scan.hpp"
 #include "values.hpp"
 #include "xraycast/acquisition/compare_request.hpp"
+#include "xraycast/reports/comparison_report.hpp"
 #include "xraycast/scene/scene.hpp"
 
 #include <fmt/format.h>
@@ -19,6 +20,7 @@ namespace {
 
 /// What compare() gives.
 struct HeldComparison {
+  std::string scan;  ///< its name
   CompareRequest request;
   std::vector<MapComparison> maps;
 };
@@ -31,12 +33,27 @@ std::vector<ComparedMap> named(const std::variant<HeldBody, std::vector<HeldBody
   return compared;
 }
 
+/// A function of Python that is called from the thread that draws.
+CompareListener told_of(const nb::object& pictures, const CompareRequest& request) {
+  if (pictures.is_none()) return {};
+  return [&](const ComparedFrame& frame) {
+    auto picture = std::make_shared<GreyPlate>(comparison_picture(request, frame));
+    const nb::gil_scoped_acquire held;
+    pictures(
+        frame.map, frame.angle_deg,
+        array_over<std::uint8_t, 2>(
+            picture->greys.data(),
+            {static_cast<std::size_t>(picture->height), static_cast<std::size_t>(picture->width)}, picture));
+  };
+}
+
 HeldComparison compare_maps(HeldScan& scan, const std::variant<HeldBody, std::vector<HeldBody>>& maps,
                             int views, const std::optional<std::vector<double>>& angles, double cranial,
                             const std::optional<std::pair<double, double>>& cone_mm,
                             const std::string& compositing, const std::string& reconstruction,
-                            const nb::object& progress) {
-  HeldComparison held{{.maps = named(maps),
+                            const nb::object& pictures, const nb::object& progress) {
+  HeldComparison held{scan.source(),
+                      {.maps = named(maps),
                        .angles_deg = angles ? *angles : angles_around_deg(views),
                        .tilt_deg = cranial,
                        .sampling = {.compositing = parse_compositing(compositing),
@@ -47,7 +64,9 @@ HeldComparison compare_maps(HeldScan& scan, const std::variant<HeldBody, std::ve
   return result_of(progress, [&](Progress& reported) {
     const DeviceUse device;
     const ResidentScan& resident = scan.resident(device).native;
-    draw([&](Renderer&) { held.maps = compare(held.request, resident, reported); });
+    draw([&](Renderer&) {
+      held.maps = compare(held.request, resident, reported, told_of(pictures, held.request));
+    });
     return std::move(held);
   });
 }
@@ -93,21 +112,32 @@ void add_compare(nb::module_& module) {
           "and "
           "whole_psnr_db, against the DRR of the whole scan and not of what the map covers.")
       .def_prop_ro("mean", means_of, "The means over the angles, (maps,), with the same fields.")
+      .def(
+          "plot",
+          [](const HeldComparison& c, const std::string& plot_of) {
+            return picture_array(comparison_plot(c.scan, plot_of, c.request, c.maps));
+          },
+          nb::kw_only(), nb::arg("plot_of") = "psnr", kShared,
+          "A measure over the angle, a curve for each map: (rows, columns, 3) uint8.\n\n"
+          "plot_of: psnr, ssim or rmse.")
       .def("__repr__", [](const HeldComparison& c) {
         return text_object(fmt::format("<xraycast.Comparison of {} maps at {} angles>", c.maps.size(),
                                        c.request.angles_deg.size()));
       });
-  module.def("compare", compare_maps, nb::arg("scan"), nb::arg("maps"), nb::kw_only(), nb::arg("views") = 12,
-             nb::arg("angles") = nb::none(), nb::arg("cranial") = 0.0, nb::arg("cone_mm") = nb::none(),
-             nb::arg("compositing") = "path", nb::arg("reconstruction") = "linear",
-             nb::arg("progress") = nb::none(),
-             "Compares frames of body maps with the DRRs of the scan that they were cast from; returns a "
-             "Comparison.\n\n"
-             "maps: a BodyMap or a list of these.\n"
-             "views: so many C-arm angles, evenly spaced around the body; or `angles`, in degrees.\n"
-             "cranial: the tilt in all views, degrees.  cone_mm: as in Scan.project.\n"
-             "compositing: path or wall, as in BodyMap.render.\n"
-             "reconstruction: path: attenuation across the shells, linear or constant.");
+  module.def(
+      "compare", compare_maps, nb::arg("scan"), nb::arg("maps"), nb::kw_only(), nb::arg("views") = 12,
+      nb::arg("angles") = nb::none(), nb::arg("cranial") = 0.0, nb::arg("cone_mm") = nb::none(),
+      nb::arg("compositing") = "path", nb::arg("reconstruction") = "linear", nb::arg("pictures") = nb::none(),
+      nb::arg("progress") = nb::none(),
+      "Compares frames of body maps with the DRRs of the scan that they were cast from; returns a "
+      "Comparison.\n\n"
+      "maps: a BodyMap or a list of these.\n"
+      "views: so many C-arm angles, evenly spaced around the body; or `angles`, in degrees.\n"
+      "cranial: the tilt in all views, degrees.  cone_mm: as in Scan.project.\n"
+      "compositing: path or wall, as in BodyMap.render.\n"
+      "reconstruction: path: attenuation across the shells, linear or constant.\n"
+      "pictures: a callable (map, angle, picture), called with each map's number and the frame beside the "
+      "DRR and their difference, (rows, columns) uint8.");
 }
 
 }  // namespace xraycast::python

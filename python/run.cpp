@@ -4,6 +4,7 @@
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/reports/hub_plot.hpp"
 
 #include <fmt/ranges.h>
 
@@ -116,6 +117,15 @@ nb::object records_array(const std::vector<std::vector<RunRecord>>& records) {
   return record_array(all, fields).attr("reshape")(records.size(), records.front().size());
 }
 
+auto plot_of(const HeldRun& held, int device) {
+  const auto& instruments = held.request.instruments;
+  if (device < 0 || device >= std::ssize(instruments))
+    throw InputError("device {}: must be 0 to {}", device, instruments.size() - 1);
+  const auto number = static_cast<std::size_t>(device);
+  return picture_array(
+      hub_plot(fmt::format("{}: at the hub", instruments[number].name()), held.run.records, number));
+}
+
 std::vector<std::string> names_of(const HeldRun& held) {
   std::vector<std::string> names;
   for (const InstrumentModel& instrument : held.request.instruments) names.push_back(instrument.name());
@@ -175,6 +185,9 @@ void add_run(nb::module_& module) {
       .def_prop_ro(
           "notes", [](const HeldRun& r) { return text_objects(r.run.notes); },
           "What to know of the run, such as other ends at which the devices might have entered.")
+      .def("plot", plot_of, nb::arg("device") = 0, kShared,
+           "The force and the torque at a device's hub over time: (rows, columns, 3) uint8.\n\n"
+           "device: its number, 0 for the outermost.")
       .def(
           "write",
           [](const HeldRun& r, nb::handle path) { write_whole_file(path_of(path), to_csv(r.run.records)); },

@@ -53,6 +53,13 @@ glm::ivec2 size_of(nb::handle object, const std::string& name) {
   return {static_cast<int>(numbers.values[0]), static_cast<int>(numbers.values[1])};
 }
 
+nb::ndarray<nb::numpy, std::uint8_t, nb::ndim<3>> picture_array(RgbPicture picture) {
+  const auto rgb = std::make_shared<std::vector<std::uint8_t>>(std::move(picture.rgb));
+  return array_over<std::uint8_t, 3>(
+      rgb->data(), {static_cast<std::size_t>(picture.height), static_cast<std::size_t>(picture.width), 3},
+      rgb);
+}
+
 nb::tuple tuple_of(const glm::dvec3& v) { return nb::make_tuple(v.x, v.y, v.z); }
 
 std::string path_of(nb::handle object) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "xraycast/base/picture_file.hpp"
+
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
@@ -58,6 +60,9 @@ inline bool always(PyObject*) { return true; }
 class RecordArray : public nb::object {
   NB_OBJECT(RecordArray, nb::object, "numpy.ndarray", always)
 };
+
+/// (rows, columns, 3) uint8.
+nb::ndarray<nb::numpy, std::uint8_t, nb::ndim<3>> picture_array(RgbPicture picture);
 
 /// An array over a copy of the records, whose fields are as NumPy's dtype takes them.
 template <typename Record>

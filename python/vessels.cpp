@@ -4,6 +4,7 @@
 #include "scan.hpp"
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/reports/vessel_report.hpp"
 #include "xraycast/segmentation/vessels.hpp"
 
 #include <algorithm>
@@ -76,6 +77,11 @@ auto explaining(const nb::object& explain) {
   };
 }
 
+SegmentRequest without_explain(SegmentRequest request) {
+  request.explain = {};
+  return request;
+}
+
 HeldVessels segmented(const HeldScan& scan, const nb::object& seeds, const nb::object& not_vessels,
                       const nb::object& window_hu, double max_radius_mm, const nb::object& from_mask,
                       const nb::object& root_mm, const std::string& surface, std::int64_t triangles,
@@ -98,14 +104,14 @@ HeldVessels segmented(const HeldScan& scan, const nb::object& seeds, const nb::o
     const DeviceUse device;
     return HeldVessels{std::make_shared<const Vessels>(
                            find_vessels(*scan.volume(), request, scan.source(), *device, reported)),
-                       scan.info(), request.is_automatic()};
+                       scan.info(), without_explain(request)};
   });
 }
 
 void write_files(const HeldVessels& vessels, nb::handle folder, const nb::object& progress) {
   const std::filesystem::path path = path_of(folder);
   run_job(progress, [&](Progress& reported) {
-    write_vessels(*vessels.found, vessels.scan, vessels.is_automatic, path, reported);
+    write_vessels(*vessels.found, vessels.scan, vessels.request.is_automatic(), path, reported);
   });
 }
 
@@ -261,6 +267,15 @@ void add_vessels(nb::module_& module) {
       .def_prop_ro(
           "notes", [](const HeldVessels& v) { return text_objects(v.found->notes); },
           "What was left out of a given mask.")
+      .def(
+          "report",
+          [](const HeldVessels& v, const HeldScan& scan) {
+            return picture_array(vessel_report(scan.source(), *v.found, v.request, *scan.volume()));
+          },
+          nb::arg("scan"), kShared,
+          "The picture of `xraycast segment`: the scan with the mask and the tree over it, and a table of "
+          "the "
+          "longest branches: (rows, columns, 3) uint8.")
       .def("write", write_files, nb::arg("folder"), nb::kw_only(), nb::arg("progress") = nb::none(),
            nb::sig("def write(self, folder: str | os.PathLike[str], *, progress: object = None) -> None"),
            "Writes mask.nrrd, lumen.nrrd, tree.vtp, tree.json, surface.vtp, surface.stl and, for a DICOM "

@@ -27,7 +27,7 @@ struct HeldMesh {
 struct HeldVessels {
   std::shared_ptr<const Vessels> found;
   ScanInfo scan;
-  bool is_automatic;
+  SegmentRequest request;
 
   /// A part that keeps the whole alive.
   template <typename Part>

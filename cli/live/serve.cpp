@@ -4,7 +4,6 @@
 #include "options/scene_options.hpp"
 #include "options/session_map.hpp"
 #include "options/view_options.hpp"
-#include "pictures/run_report.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stderr_log.hpp"
@@ -217,7 +216,7 @@ void serve(const ServeArguments& options, Invocation& invocation) {
     page = live_session(scene, pose, map, request, options.is_browsers_hub());
     check(*page);
   }
-  invocation.say(notes_on_place(points_of(*request.tree), bounds, scene.vessels.string()));
+  invocation.say(notes_on_place(*request.tree, bounds, scene.vessels.string()));
   invocation.say(notes);
   const auto server = open_server(options);
   Intervention intervention(steering_of(options, request, server));

@@ -151,3 +151,29 @@ def test_maps_are_compared_as_by_the_program(body, tmp_path):
 def test_what_cannot_be_compared_is_rejected(body, arguments, words):
     with pytest.raises(xc.InputError, match=words):
         xc.compare(body, **(dict(maps=body.cast()) | arguments))
+
+
+def test_comparisons_have_pictures_and_a_plot(body):
+    seen = []
+    comparison = xc.compare(body, [body.cast(), body.cast(layers=4)], views=1, pictures=lambda *told: seen.append(told))
+    assert [(number, angle) for number, angle, _ in seen] == [(0, 0), (1, 0)]
+    picture = seen[1][2]
+    assert picture.ndim == 2 and picture.dtype == np.uint8 and picture.shape[1] > 3 * 240
+    plots = [comparison.plot(plot_of=measure) for measure in ("psnr", "ssim", "rmse")]
+    assert all(plot.shape == (560, 900, 3) for plot in plots) and not np.array_equal(plots[0], plots[1])
+    with pytest.raises(xc.InputError, match="plot_of mse: must be psnr, ssim or rmse"):
+        comparison.plot(plot_of="mse")
+
+    def fail(*_):
+        raise KeyError("stop")
+    with pytest.raises(KeyError):
+        xc.compare(body, body.cast(), views=1, pictures=fail)
+
+
+def test_a_preview_shows_the_layers(body):
+    map_ = body.cast(layers=2)
+    preview = map_.preview()
+    assert preview.dtype == np.uint8 and preview.shape[0] == 2 * (22 + body.hu.shape[0]) and preview.shape[2] == 3
+    assert not np.array_equal(preview, map_.preview(preview_window="paper"))
+    with pytest.raises(xc.InputError, match="preview_window grey: must be auto or paper"):
+        map_.preview(preview_window="grey")

@@ -117,6 +117,15 @@ def test_bad_arguments_are_named(tree, small_map, tmp_path):
         xc.export(small_map, tmp_path / "page.html", precision="single")
 
 
+def test_a_run_is_plotted_device_by_device(tree):
+    run = xc.simulate(tree, ["microcatheter-27f", "guidewire-014-angled"], [(0, 0, 0, 0, 0), (1, 5, 0, 25, 0)], interval_s=0.1)
+    plots = [run.plot(), run.plot(device=1)]
+    assert all(plot.shape == (560, 900, 3) and plot.dtype == np.uint8 for plot in plots)
+    assert not np.array_equal(*plots)
+    with pytest.raises(xc.InputError, match="^device 2: must be 0 to 1"):
+        run.plot(2)
+
+
 def test_a_run_can_be_cancelled(tree):
     def stop(fraction, stage):
         raise KeyboardInterrupt

@@ -45,6 +45,18 @@ def test_the_program_and_python_write_the_same_files(scan, tmp_path):
                     "tubes", "--root", "12,0,40", "--quiet"], check=True)
     for name in names:
         assert (tmp_path / "python" / name).read_bytes() == (tmp_path / "program" / name).read_bytes(), name
+    picture = np.asarray(pytest.importorskip("PIL.Image").open(tmp_path / "program/report.png"))
+    title = 28  # rows; it names the scan
+    assert np.array_equal(vessels.report(scan)[title:], picture[title:])
+
+
+def test_a_report_shows_how_the_vessels_were_found(scan):
+    mask = xc.open("mask.nrrd").hu
+    reports = [vessels.report(scan) for vessels in (scan.segment(from_mask=mask), scan.segment(seeds=[(12, 0, 0)]))]
+    assert all(report.shape == (860, 1500, 3) and report.dtype == np.uint8 for report in reports)
+    assert not np.array_equal(*reports)
+    with pytest.raises(xc.InputError, match="vessels' mask: has"):
+        scan.segment(from_mask=mask).report(xc.Scan.from_array(scan.hu, (1, 1, 2)))
 
 
 def test_vessels_tell_how_they_were_found(scan):

@@ -11,7 +11,7 @@ import xraycast as xc
 PROGRAM = os.environ.get("XRAYCAST_PROGRAM")
 PAGE = pathlib.Path(__file__).resolve().parents[2] / "docs/python.md"
 OWNERS = {"xc": xc, "scan": xc.Scan, "body": xc.BodyMap, "basis": xc.Basis, "frame": xc.Frame, "vessels": xc.Vessels,
-          "run": xc.Run}
+          "run": xc.Run, "comparison": xc.Comparison}
 # Arguments with another name than their option's, but for units.
 NAMES = {"output": "path|folder|output", "device": "name", "isocentre": "centre_mm", "device_model": "instruments",
          "not": "not_vessels", "seed": "seeds"}
@@ -33,7 +33,8 @@ def arguments_of(owner, name):
     for part in name.split("."):
         call = getattr(call, part)
     signatures = (call.__init__ if isinstance(call, type) else call).__nb_signature__
-    parsed = [ast.parse(re.sub(r"\\\d+", "None", text) + ": ...").body[0].args for text, *_ in signatures]
+    texts = [text.partition(" -> ")[0] for text, *_ in signatures]  # the types of arrays are no Python
+    parsed = [ast.parse(re.sub(r"\\\d+", "None", text) + ": ...").body[0].args for text in texts]
     return {argument.arg for arguments in parsed for argument in arguments.args + arguments.kwonlyargs}
 
 
@@ -61,7 +62,8 @@ def test_each_has_a_python_call_or_a_reason_why_not():
         if python.startswith("none: "):
             continue
         calls = re.findall(r"`(\w+)\.([\w.]+)\(", python)
-        arguments = set().union(*(arguments_of(*call) for call in calls))
+        # A call makes what an option of its name writes.
+        arguments = set().union(*(arguments_of(*call) | {call[1]} for call in calls))
         excused = set(reasons_of(reasons))
         faults += [] if calls else [f"{name} has no call; show one, or say `none: ` and why"]
         for names in options_of(text):

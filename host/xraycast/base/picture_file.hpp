@@ -42,6 +42,10 @@ struct RgbPicture {
   std::vector<std::uint8_t> rgb;
 };
 
+inline void write_picture(const RgbPicture& picture, const std::filesystem::path& path) {
+  write_picture(picture.rgb, picture.width, picture.height, 3, path);
+}
+
 /// A picture file of any format, scaled to fit into width x height. Throws Error when it cannot be read or
 /// when there is no OpenImageIO.
 RgbPicture read_fitted(const std::filesystem::path& path, int width, int height);

@@ -23,6 +23,15 @@ double radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
 
 }  // namespace
 
+View no_smaller(View view, const BodyBounds& bounds) {
+  constexpr int kMinPixels = 600;
+  const int longest = std::max(view.width, view.height);
+  if (longest >= kMinPixels) return view;
+  view.pixel_mm *= static_cast<double>(longest) / kMinPixels;
+  view.width = view.height = 0;
+  return fitted(view, bounds);
+}
+
 RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options)
     : tree_(tree),
       options_(options),

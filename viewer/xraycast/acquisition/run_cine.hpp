@@ -12,6 +12,9 @@
 
 namespace xraycast {
 
+/// The view with pixels so small that a catheter shows: the map of a coarse scan has too few.
+View no_smaller(View view, const BodyBounds& bounds);
+
 /// The frames of a catheter's run with a fixed C-arm: the body, the devices, contrast agent while it is
 /// injected, and without a fluoroscope the vessels' outline as a road map; or a run of digital subtraction
 /// angiography, which begins half a second before the injection and whose frames until then are its mask.

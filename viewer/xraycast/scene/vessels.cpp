@@ -63,6 +63,14 @@ std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, c
                       name, 100 * outside)};
 }
 
+std::vector<std::string> notes_on_place(const VesselTree& vessels, const BodyBounds& bounds,
+                                        const std::string& name) {
+  std::vector<glm::vec3> points_mm;
+  for (const VesselBranch& branch : vessels.branches())
+    for (const VesselPoint& point : branch.points) points_mm.emplace_back(point.position_mm);
+  return notes_on_place(points_mm, bounds, name);
+}
+
 Surface read_catheter(const std::filesystem::path& path) {
   std::istringstream lines(read_whole_file(path));
   std::vector<glm::dvec3> points;

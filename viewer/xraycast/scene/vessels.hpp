@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/geometry/nurbs_curve.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
 
@@ -22,6 +23,8 @@ Surface filled_vessels(Mesh mesh, double contrast_mg_ml);
 
 /// A warning when most of the vessels lie outside a map's body, as when they belong to another scan; or none.
 std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
+                                        const std::string& name);
+std::vector<std::string> notes_on_place(const VesselTree& vessels, const BodyBounds& bounds,
                                         const std::string& name);
 
 /// The colour of shaded catheters.

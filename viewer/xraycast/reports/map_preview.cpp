@@ -1,7 +1,7 @@
-#include "pictures/map_preview.hpp"
+#include "xraycast/reports/map_preview.hpp"
 
-#include "pictures/scale_ticks.hpp"
-#include "xraycast/base/picture_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/reports/scale_ticks.hpp"
 #include "xraycast/scene/canvas.hpp"
 
 #include <fmt/format.h>
@@ -13,9 +13,10 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
-namespace xraycast::cli {
+namespace xraycast {
 namespace {
 
 constexpr int kFont = 13, kRight = 12;
@@ -99,7 +100,13 @@ int width_of(const MapGeometry& geometry) {
 
 }  // namespace
 
-void write_map_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path) {
+PreviewWindow parse_preview_window(const std::string& name) {
+  if (name == "auto") return PreviewWindow::automatic;
+  if (name == "paper") return PreviewWindow::paper;
+  throw InputError("`preview_window` {}: must be auto or paper", name);
+}
+
+RgbPicture map_preview(const BodyMap& map, PreviewWindow window) {
   const MapGeometry& geometry = map.geometry;
   const std::vector<std::uint8_t> greys = preview_of(map, window);
   const Strip scale = scale_of(geometry);
@@ -118,7 +125,7 @@ void write_map_preview(const BodyMap& map, PreviewWindow window, const std::file
       rgb.insert(rgb.end(), std::size_t{3} * (width - kPreviewLeft - geometry.width), paper);
     }
   }
-  write_picture(rgb, width, layers * (kPreviewTitle + geometry.height), 3, path);
+  return {width, layers * (kPreviewTitle + geometry.height), std::move(rgb)};
 }
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

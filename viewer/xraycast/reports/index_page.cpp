@@ -1,11 +1,11 @@
-#include "pictures/index_page.hpp"
+#include "xraycast/reports/index_page.hpp"
 
 #include "xraycast/base/html_text.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <fmt/format.h>
 
-namespace xraycast::cli {
+namespace xraycast {
 namespace {
 
 constexpr const char* kHead = R"(<!doctype html>
@@ -44,7 +44,8 @@ std::string figure(const std::string& still, const std::string& film, const std:
 
 }  // namespace
 
-void write_index_page(const std::string& title, const Picture& page, const std::vector<Picture>& pictures,
+void write_index_page(const std::string& title, const CaptionedPicture& page,
+                      const std::vector<CaptionedPicture>& pictures,
                       const std::vector<std::pair<std::string, std::string>>& facts,
                       const std::filesystem::path& path) {
   const auto beside_page = [&](const std::filesystem::path& file) {
@@ -53,7 +54,7 @@ void write_index_page(const std::string& title, const Picture& page, const std::
   std::string html = fmt::format(kHead, in_html(title));
   html += fmt::format("<iframe src=\"{0}\" title=\"{1}\"></iframe>\n<p><a href=\"{0}\">{1}</a></p>\n",
                       in_html(beside_page(page.file)), in_html(page.caption));
-  for (const Picture& picture : pictures)
+  for (const CaptionedPicture& picture : pictures)
     html += figure(beside_page(picture.file), beside_page(picture.film), picture.caption);
   html += "<table>\n";
   for (const auto& [name, value] : facts)
@@ -63,4 +64,4 @@ void write_index_page(const std::string& title, const Picture& page, const std::
   write_whole_file(path, std::move(html));
 }
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

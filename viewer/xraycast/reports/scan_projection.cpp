@@ -1,11 +1,11 @@
-#include "pictures/scan_projection.hpp"
+#include "xraycast/reports/scan_projection.hpp"
 
 #include "xraycast/base/parallel.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace xraycast::cli {
+namespace xraycast {
 
 ScanProjection project_scan(const Volume& volume, std::span<const std::uint8_t> labels,
                             std::span<const Colour> colours, int axis) {
@@ -63,4 +63,4 @@ PixelBox draw_projection(Canvas& sheet, const ScanProjection& picture, const Pix
   return filled;
 }
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-namespace xraycast::cli {
+namespace xraycast {
 
 /// A scan along one axis as grey (the mean of its CT numbers along each ray), with labelled voxels over it in
 /// colours; row 0 is the most superior slice.
@@ -26,4 +26,4 @@ ScanProjection project_scan(const Volume& volume, std::span<const std::uint8_t> 
 /// Draws a projection as large as fits into a box, in its middle. Returns the box that it fills.
 PixelBox draw_projection(Canvas& sheet, const ScanProjection& picture, const PixelBox& box);
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

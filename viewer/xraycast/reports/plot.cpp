@@ -1,6 +1,4 @@
-#include "pictures/plot.hpp"
-
-#include "xraycast/base/picture_file.hpp"
+#include "xraycast/reports/plot.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-namespace xraycast::cli {
+namespace xraycast {
 namespace {
 
 constexpr int kWidth = 900, kHeight = 560, kLeft = 80, kRight = 24, kTop = 48, kBottom = 60;
@@ -69,8 +67,8 @@ void text(Canvas& canvas, double x, double y, const std::string& words, const Co
 
 }  // namespace
 
-void write_plot(const std::string& title, const std::string& x_label, const std::string& y_label,
-                const std::vector<Curve>& curves, const std::filesystem::path& path) {
+RgbPicture plot(const std::string& title, const std::string& x_label, const std::string& y_label,
+                const std::vector<Curve>& curves) {
   Axis x_axis, y_axis;
   for (const Curve& curve : curves)
     for (const auto& [x, y] : curve.points) {
@@ -122,7 +120,7 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
     canvas.fill({left - 4, y - kFont, width + 8, kFont + 5}, kPaper);
     text(canvas, left, y, curves[c].name, colour_of(curves, c));
   }
-  write_picture(canvas.rgb(), kWidth, kHeight, 3, path);
+  return {kWidth, kHeight, canvas.rgb()};
 }
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

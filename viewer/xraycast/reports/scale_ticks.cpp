@@ -1,9 +1,9 @@
-#include "pictures/scale_ticks.hpp"
+#include "xraycast/reports/scale_ticks.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace xraycast::cli {
+namespace xraycast {
 namespace {
 
 /// 1, 2 or 5 times a power of ten: 0 is 1, 1 is 2, 2 is 5, 3 is 10, and -1 is 0.5.
@@ -38,4 +38,4 @@ std::vector<double> scale_ticks(double low, double high, double least_step) {
   return {ticks.front(), ticks.back()};
 }
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

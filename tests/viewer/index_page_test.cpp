@@ -1,4 +1,4 @@
-#include "pictures/index_page.hpp"
+#include "xraycast/reports/index_page.hpp"
 
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -6,17 +6,17 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace xraycast::cli::index_page_test {
+namespace xraycast::index_page_test {
 namespace {
 
 using testing::HasSubstr;
 using testing::Not;
 
-std::string page_of(const std::string& title, const std::vector<Picture>& pictures,
+std::string page_of(const std::string& title, const std::vector<CaptionedPicture>& pictures,
                     const std::vector<std::pair<std::string, std::string>>& facts) {
   const TemporaryFolder folder;
-  std::vector<Picture> inside = pictures;
-  for (Picture& picture : inside) {
+  std::vector<CaptionedPicture> inside = pictures;
+  for (CaptionedPicture& picture : inside) {
     picture.file = folder / picture.file.string();
     if (!picture.film.empty()) picture.film = folder / picture.film.string();
   }
@@ -49,4 +49,4 @@ TEST(IndexPage, MakesNoMarkupOfText) {
 }
 
 }  // namespace
-}  // namespace xraycast::cli::index_page_test
+}  // namespace xraycast::index_page_test

@@ -1,8 +1,8 @@
-#include "pictures/vessel_report.hpp"
+#include "xraycast/reports/vessel_report.hpp"
 
-#include "pictures/scan_projection.hpp"
-#include "xraycast/base/picture_file.hpp"
+#include "xraycast/attenuation/materials.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/reports/scan_projection.hpp"
 #include "xraycast/scene/canvas.hpp"
 
 #include <fmt/format.h>
@@ -15,7 +15,7 @@
 #include <functional>
 #include <numeric>
 
-namespace xraycast::cli {
+namespace xraycast {
 namespace {
 
 constexpr int kWidth = 1500, kHeight = 860, kMargin = 20, kTop = 50, kPanelWidth = 510, kPanelHeight = 760;
@@ -142,6 +142,7 @@ void draw_table(Canvas& sheet, const VesselTree& tree, const std::vector<BranchF
 std::string assumptions(const SegmentLog& log, const SegmentRequest& request, double weak_fraction) {
   if (const auto* mask = std::get_if<std::filesystem::path>(&request.from_mask))
     return "the mask " + mask->string();
+  if (std::holds_alternative<std::shared_ptr<const Mask>>(request.from_mask)) return "a mask that was given";
   const std::size_t seeds = request.markers.vessels_mm.size();
   const char* const source = request.window_hu        ? "as given"
                              : log.is_window_of_seeds ? "around the seeds"
@@ -163,8 +164,9 @@ std::string counts_of(const Centrelines& centrelines) {
          pluralize(centrelines.loops.size(), "loop");
 }
 
-void write_vessel_report(const std::string& name, const Vessels& vessels, const SegmentRequest& request,
-                         const Volume& volume, const std::filesystem::path& path) {
+RgbPicture vessel_report(const std::string& name, const Vessels& vessels, const SegmentRequest& request,
+                         const Volume& volume) {
+  check_mask_grid(vessels.mask.geometry, volume.geometry(), "vessels' mask");
   constexpr std::array kRed{Colour{0.95, 0.18, 0.15}};
   const VesselTree& tree = vessels.centrelines.tree;
   const std::vector<std::uint8_t>& mask = vessels.mask.voxels;
@@ -174,7 +176,7 @@ void write_vessel_report(const std::string& name, const Vessels& vessels, const 
   draw(sheet, kMargin, project_scan(volume, mask, kRed, 1), volume.geometry(), tree);
   draw(sheet, kMargin + kPanelWidth + kMargin, project_scan(volume, mask, kRed, 0), volume.geometry(), tree);
   draw_table(sheet, tree, branch_facts(tree, volume));
-  write_picture(sheet.rgb(), kWidth, kHeight, 3, path);
+  return {kWidth, kHeight, sheet.rgb()};
 }
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

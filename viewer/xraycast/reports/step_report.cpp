@@ -1,17 +1,13 @@
-#include "pictures/step_pictures.hpp"
+#include "xraycast/reports/step_report.hpp"
 
-#include "pictures/scan_projection.hpp"
-#include "xraycast/base/atomic_file.hpp"
-#include "xraycast/base/error.hpp"
-#include "xraycast/base/picture_file.hpp"
-#include "xraycast/image_file/write_volume.hpp"
+#include "xraycast/reports/scan_projection.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 
-namespace xraycast::cli {
+namespace xraycast {
 namespace {
 
 constexpr Colour kKept{0.95, 0.18, 0.15};
@@ -25,30 +21,9 @@ constexpr std::array<Colour, 8> kTakenOff{{{0.55, 0.55, 0.60},
                                            {0.45, 0.95, 0.35},
                                            {0.55, 0.35, 0.95}}};
 
-constexpr std::array kSteps{"window",          "body", "bone",      "chambers", "evidence",
-                            "trabecular-bone", "gaps", "selection", "filling"};
-
-// Of earlier versions, and removed with the others.
-constexpr std::array kFormerSteps{"ridges", "lumen"};
-
 }  // namespace
 
-StepPictures::StepPictures(std::filesystem::path folder) : folder_(std::move(folder)) {
-  std::vector<std::string> names{"steps.png"};
-  for (std::size_t number = 1; number <= kSteps.size(); ++number)
-    for (const char* const step : kSteps) names.push_back(fmt::format("{}-{}.nrrd", number, step));
-  for (std::size_t number = 1; number <= kFormerSteps.size(); ++number)
-    names.push_back(fmt::format("{}-{}.nrrd", number, kFormerSteps[number - 1]));
-  for (const std::string& name : names) {
-    std::error_code error;
-    std::filesystem::remove(folder_ / name, error);
-    if (error)
-      throw InputError("{}: the file of an earlier run cannot be removed: {}; delete it",
-                       (folder_ / name).string(), error.message());
-  }
-}
-
-void StepPictures::add(const std::string& step, const Mask& mask) {
+std::size_t StepReport::add(const std::string& step, const Mask& mask) {
   const glm::dvec3& s = mask.geometry.spacing_mm;
   const double voxel_ml = s.x * s.y * s.z / 1000;
   if (labels_.empty()) labels_.resize(mask.voxels.size());
@@ -64,11 +39,10 @@ void StepPictures::add(const std::string& step, const Mask& mask) {
     }
   }
   steps_.push_back({step, static_cast<double>(taken_off) * voxel_ml, static_cast<double>(added) * voxel_ml});
-  write_mask(mask.geometry, mask.voxels, folder_ / fmt::format("{}-{}.nrrd", number, step));
+  return number;
 }
 
-void StepPictures::finish(const Volume& volume) const {
-  if (labels_.empty()) return;
+RgbPicture StepReport::picture(const Volume& volume) const {
   constexpr int kWidth = 1500, kHeight = 860, kMargin = 20, kTop = 50, kLine = 24;
   constexpr double kPanelWidth = 560, kPanelHeight = 760, kFont = 15;
   constexpr Colour kPaper{0.10, 0.11, 0.13}, kInk{0.9, 0.9, 0.9};
@@ -98,7 +72,7 @@ void StepPictures::finish(const Volume& volume) const {
     if (!both && step.added_ml > 0) words += fmt::format(": added {:.1f} ml", step.added_ml);
     row(colours[i + 1], words);
   }
-  write_picture(sheet.rgb(), kWidth, kHeight, 3, folder_ / "steps.png");
+  return {kWidth, kHeight, sheet.rgb()};
 }
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

@@ -1,4 +1,4 @@
-#include "pictures/scale_ticks.hpp"
+#include "xraycast/reports/scale_ticks.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-namespace xraycast::cli::scale_ticks_test {
+namespace xraycast::scale_ticks_test {
 namespace {
 
 using testing::ElementsAre;
@@ -32,4 +32,4 @@ TEST(ScaleTicks, HaveNoNegativeZero) {
 }
 
 }  // namespace
-}  // namespace xraycast::cli::scale_ticks_test
+}  // namespace xraycast::scale_ticks_test

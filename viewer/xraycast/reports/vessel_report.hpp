@@ -1,11 +1,11 @@
 #pragma once
 
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/segmentation/vessels.hpp"
 
-#include <filesystem>
 #include <string>
 
-namespace xraycast::cli {
+namespace xraycast {
 
 /// "3 branches, 1 loop"
 std::string counts_of(const Centrelines& centrelines);
@@ -13,8 +13,9 @@ std::string counts_of(const Centrelines& centrelines);
 /// A picture of the segmentation: the scan from the front and from the left (the mean of its CT numbers along
 /// each ray) with the mask over it in red and the centrelines in yellow, and a table of the longest branches,
 /// whose numbers are drawn at their middles unless they would cover a longer one's. Below the title with the
-/// scan's name stand what was taken for granted, and how sure it is. Throws Error when the disk is full.
-void write_vessel_report(const std::string& name, const Vessels& vessels, const SegmentRequest& request,
-                         const Volume& volume, const std::filesystem::path& path);
+/// scan's name stand what was taken for granted, and how sure it is. Throws InputError for the vessels of
+/// another scan.
+RgbPicture vessel_report(const std::string& name, const Vessels& vessels, const SegmentRequest& request,
+                         const Volume& volume);
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

@@ -1,17 +1,15 @@
-#include "pictures/contact_sheet.hpp"
+#include "xraycast/reports/contact_sheet.hpp"
 
-#include "xraycast/base/picture_file.hpp"
 #include "xraycast/scene/canvas.hpp"
 
-namespace xraycast::cli {
+namespace xraycast {
 namespace {
 
 constexpr int kCellWidth = 400, kCellHeight = 520, kMargin = 12, kCaptionHeight = 26, kFont = 17;
 
 }  // namespace
 
-void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
-                         const std::filesystem::path& path) {
+RgbPicture contact_sheet(const std::vector<CaptionedPicture>& pictures, int columns) {
   const int count = static_cast<int>(pictures.size()), rows = (count + columns - 1) / columns;
   const int pitch_x = kCellWidth + kMargin, pitch_y = kCellHeight + kCaptionHeight + kMargin;
   Canvas sheet(columns * pitch_x + kMargin, rows * pitch_y + kMargin, {0.10, 0.11, 0.13});
@@ -24,7 +22,7 @@ void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
                    double(fitted.width), double(fitted.height)});
     sheet.text({double(x), double(y + kCellHeight + kFont + 2)}, pictures[i].caption, kFont, {0.9, 0.9, 0.9});
   }
-  write_picture(sheet.rgb(), sheet.width(), sheet.height(), 3, path);
+  return {sheet.width(), sheet.height(), sheet.rgb()};
 }
 
-}  // namespace xraycast::cli
+}  // namespace xraycast

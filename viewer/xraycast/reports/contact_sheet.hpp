@@ -1,0 +1,21 @@
+#pragma once
+
+#include "xraycast/base/picture_file.hpp"
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// A picture on a contact sheet: a file and its caption.
+struct CaptionedPicture {
+  std::filesystem::path file;
+  std::string caption;
+  std::filesystem::path film{};  ///< the GIF that the file is a still of, which a page shows in its place
+};
+
+/// Pictures in rows of `columns`, each scaled to fit its cell. Throws Error when one cannot be read.
+RgbPicture contact_sheet(const std::vector<CaptionedPicture>& pictures, int columns);
+
+}  // namespace xraycast
