@@ -26,7 +26,6 @@ namespace xraycast::cli {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr const char* kOldSpelling = "";  // options without a group are accepted, but not shown in --help
 
 struct RenderArguments {
   std::string map, output, session, cine, layer_weights;
@@ -254,18 +253,18 @@ void add_render(CLI::App& app, Invocation& invocation) {
   command->add_option("--wall-radius", options->wall_radius_mm, "wall: radius of the outermost wall")
       ->check(CLI::PositiveNumber)
       ->type_name("MM");
-  constexpr const char* kWeights = "One weight per layer, innermost first; 0 hides the layer";
-  command->add_option("--layer-weights", options->layer_weights, kWeights)->type_name("W,W,...");
-  command->add_option("--strengths", options->layer_weights, kWeights)->group(kOldSpelling);
+  command
+      ->add_option("--layer-weights", options->layer_weights,
+                   "One weight per layer, innermost first; 0 hides the layer")
+      ->type_name("W,W,...");
   add_grey_options(*command, options->grey);
   add_dicom_options(*command, options->dicom);
   add_fluoroscope_options(*command, options->fluoroscope);
   command->add_flag(
       "--full-contrast", options->full_contrast,
       "fluoro: vessels and catheter keep full contrast where the grey window compresses the body's");
-  constexpr const char* kAnnotations = "Orientation letters (R L A P S I), the axis, and a scale bar";
-  command->add_flag("--annotations", options->annotations, kAnnotations);
-  command->add_flag("--furniture", options->annotations, kAnnotations)->group(kOldSpelling);
+  command->add_flag("--annotations", options->annotations,
+                    "Orientation letters (R L A P S I), the axis, and a scale bar");
   command
       ->add_option("--cine", options->cine,
                    "A rotational cine instead of one frame; TO is excluded; surplus frames of an earlier "
