@@ -1,12 +1,12 @@
 #include "options/command.hpp"
 #include "options/run_options.hpp"
 #include "options/scene_options.hpp"
-#include "options/session_map.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/still_picture.hpp"
+#include "xraycast/scene/session_map.hpp"
 
 #include <fmt/format.h>
 
@@ -43,7 +43,7 @@ void export_session(const ExportArguments& options, Invocation& invocation) {
       throw InputError("--script {}: there are no vessels to steer in; give --vessels too", script);
     scene.steered.reset();  // the run's devices are shown instead
   }
-  ExportRequest request = exported_session(scene, load_map(scene, invocation));
+  ExportRequest request = exported_session(scene, load_map(scene, invocation.device));
   request.format = format;
   if (!options.title.empty()) request.title = options.title;
   request.precision = parse_map_precision(options.precision);

@@ -1,7 +1,6 @@
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
 #include "options/scene_options.hpp"
-#include "options/session_map.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/acquisition/map_acquisition.hpp"
@@ -12,7 +11,7 @@
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
-#include "xraycast/scene/session_file.hpp"
+#include "xraycast/scene/session_map.hpp"
 #include "xraycast/scene/vessels.hpp"
 
 #include <fmt/format.h>
@@ -162,7 +161,7 @@ void render(const RenderArguments& options, Invocation& invocation) {
   const PictureOptions picture = picture_of(options, scene);
   scene.style = picture.style;
   const auto& fluoroscope = picture.acquisition.fluoroscope;
-  const auto map = load_map(scene, invocation);
+  const auto map = load_map(scene, invocation.device);
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
   const View view = resolve_view(options, scene, bounds_of(map->geometry));
   const std::vector<View> views = views_of(view, cine_deg);

@@ -2,7 +2,6 @@
 #include "options/fluoroscope_options.hpp"
 #include "options/run_options.hpp"
 #include "options/scene_options.hpp"
-#include "options/session_map.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
@@ -10,6 +9,7 @@
 #include "xraycast/drawing/still_picture.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/network/listen_address.hpp"
+#include "xraycast/scene/session_map.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/serving/igtlink_outlet.hpp"
 #include "xraycast/serving/live_screen.hpp"
@@ -19,16 +19,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <memory>
 #include <optional>
 #include <sys/resource.h>
-#include <thread>
 
 namespace xraycast::cli {
 namespace {
-
-using ServeClock = std::chrono::steady_clock;
 
 struct ServeArguments {
   std::string map, vessels, session, listen, haptic;
@@ -155,20 +151,6 @@ void give_way() {
   setpriority(PRIO_PROCESS, 0, std::min(kNicest, getpriority(PRIO_PROCESS, 0) + kNicer));
 }
 
-/// Frames at the rate, until a signal comes. One that is late makes the next ones no denser.
-void serve_frames(LiveSession& live, double rate_hz, const Progress& progress) {
-  const auto period =
-      std::chrono::duration_cast<ServeClock::duration>(std::chrono::duration<double>(1 / rate_hz));
-  auto last = ServeClock::now(), next = last;
-  while (!progress.cancelled()) {
-    const auto now = ServeClock::now();
-    live.step(std::chrono::duration<double>(now - last).count());
-    last = now;
-    next = std::max(next + period, ServeClock::now());
-    std::this_thread::sleep_until(next);
-  }
-}
-
 void report_served(const Invocation& invocation, const LiveSession& live, const Intervention& intervention,
                    const IgtlinkDevice& server, const WebServer* web) {
   const LoopTiming& timing = intervention.run().now().timing;
@@ -204,7 +186,7 @@ void serve(const ServeArguments& options, Invocation& invocation) {
   if (fluoroscopy && (options.grey.gamma || options.grey.inverted))
     throw InputError("--gamma and --inverted with a fluoroscope: its display sets the greys; leave them out");
   const ViewSession scene = resolve_served(options);
-  const auto map = load_map(scene, invocation);
+  const auto map = load_map(scene, invocation.device);
   const BodyBounds bounds = bounds_of(map->geometry);
   const View detector = resolve_detector(options, scene, bounds);
 
@@ -236,7 +218,7 @@ void serve(const ServeArguments& options, Invocation& invocation) {
   // Also with --quiet: nobody else knows the page's token, nor a port that the system chose.
   if (web) log_to_stderr(fmt::format("open {} in a browser", web->server().page_address()));
   log_to_stderr(fmt::format("serving OpenIGTLink at {}; Ctrl+C ends it", to_string(server->address())));
-  serve_frames(live, options.rate_hz, invocation.progress);
+  live.run(options.rate_hz, invocation.progress);
   report_served(invocation, live, intervention, *server, web ? &web->server() : nullptr);
   invocation.is_ended_by_signal = true;
 }

@@ -3,6 +3,8 @@
 #include "xraycast/base/error.hpp"
 
 #include <algorithm>
+#include <chrono>
+#include <thread>
 #include <utility>
 
 namespace xraycast {
@@ -47,6 +49,19 @@ const LivePicture* LiveSession::draw_from_before(const std::string& why) {
   pose_ = *drawn_from_;
   intervention_.expose_from(pose_);
   return &painter_.draw(intervention_);
+}
+
+void LiveSession::run(double rate_hz, const Progress& progress) {
+  using Clock = std::chrono::steady_clock;
+  const auto period = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / rate_hz));
+  auto last = Clock::now(), next = last;
+  while (!progress.cancelled()) {
+    const auto now = Clock::now();
+    step(std::chrono::duration<double>(now - last).count());
+    last = now;
+    next = std::max(next + period, Clock::now());
+    std::this_thread::sleep_until(next);
+  }
 }
 
 bool LiveSession::is_watched() const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/base/progress.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/serving/intervention.hpp"
 #include "xraycast/serving/live_outlet.hpp"
@@ -46,6 +47,9 @@ class LiveSession {
   /// and publishes. The first one is drawn whoever waits, and throws InputError where it cannot be drawn; at
   /// poses of later ones that cannot be, the C-arm stays where it was.
   void step(double passed_s);
+
+  /// Frames at a rate, until the progress is cancelled. One that is late makes the next ones no denser.
+  void run(double rate_hz, const Progress& progress);
 
   struct Counts {
     std::int64_t frames = 0, pictures = 0;
