@@ -39,7 +39,7 @@ TEST(SessionFile, KeepsTheTablesTravelAcross) {
   write_session(session, folder / "s.json");
   EXPECT_THAT([&] { read_session(folder / "s.json"); },
               testing::ThrowsMessage<InputError>(
-                  testing::HasSubstr(": pose: across_mm is 12.5, 100000, which is farther than 10000 mm")));
+                  testing::HasSubstr(": camera: across_mm is 12.5, 100000, which is farther than 10000 mm")));
 }
 
 TEST(SessionFile, ReadsTheOneCatheterOfAnOlderSession) {
