@@ -17,9 +17,9 @@ RgbPicture contact_sheet(const std::vector<CaptionedPicture>& pictures, int colu
     const int column = i % columns, row = i / columns;
     const int x = kMargin + column * pitch_x, y = kMargin + row * pitch_y;
     const RgbPicture fitted = read_fitted(pictures[i].file, kCellWidth, kCellHeight);
+    const int left = x + (kCellWidth - fitted.width) / 2, top = y + (kCellHeight - fitted.height) / 2;
     sheet.picture(fitted.rgb, fitted.width, fitted.height,
-                  {double(x + (kCellWidth - fitted.width) / 2), double(y + (kCellHeight - fitted.height) / 2),
-                   double(fitted.width), double(fitted.height)});
+                  {double(left), double(top), double(fitted.width), double(fitted.height)});
     sheet.text({double(x), double(y + kCellHeight + kFont + 2)}, pictures[i].caption, kFont, {0.9, 0.9, 0.9});
   }
   return {sheet.width(), sheet.height(), sheet.rgb()};
