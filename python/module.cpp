@@ -71,7 +71,9 @@ void clean_up() {
 }  // namespace
 }  // namespace xraycast::python
 
-/// nanobind has no place of its own for the words of its errors: the linker leads its calls here (--wrap).
+/// nanobind has no place of its own for the words of its errors: the linker leads its calls here (--wrap), by
+/// these names.
+// NOLINTBEGIN(readability-identifier-naming)
 extern "C" {
 void __real_PyErr_SetString(PyObject* type, const char* message);
 void __wrap_PyErr_SetString(PyObject* type, const char* message);
@@ -85,6 +87,7 @@ void __wrap_PyErr_SetString(PyObject* type, const char* message) {
   }
   __real_PyErr_SetString(type, message);
 }
+// NOLINTEND(readability-identifier-naming)
 
 NB_MODULE(_core, module) {
   // A daemon thread's frames keep what they hold when the interpreter exits.
