@@ -286,7 +286,7 @@ test("clusters of a closed mesh are closed, fewer, and of nearly its volume", ()
 test("what the program and the page both say is the same", () => {
   const text = (path) => readFileSync(join(web, path), "utf8");
   const number = (path, pattern) => Number(text(path).match(pattern)?.[1]);
-  const angles = number("../viewer/xraycast/export/web_page.hpp", /kMostWebAngles = (\d+)/);
+  const angles = number("../viewer/xraycast/export/export_request.hpp", /kMostWebAngles = (\d+)/);
   assert.equal(number("src/samples.ts", /kLayer = (\d+)/), angles + 1); // columns, of which the last repeats the first
   assert.match(text("src/shaders/columns.glsl"), new RegExp(`place & ${angles}, layer = place >> ${Math.log2(angles + 1)};`));
   const viewer = "../viewer/xraycast/scene/catheter_surface.cpp", image = "../host/xraycast/base/image.cpp";
