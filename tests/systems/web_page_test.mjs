@@ -275,7 +275,7 @@ browser_test("no text of a session becomes a part of its page", async () => {
   assert.deepEqual(await elements(attacked), await elements(plain));
   assert.equal(await attacked.page.title(), attack);
   assert.deepEqual(await attacked.page.$$eval("#hub option", (options) => options.map(({ textContent }) => textContent)), [attack, "guidewire-035-j"]);
-  assert.ok((await attacked.page.$eval("#strip", (strip) => strip.getAttribute("aria-label"))).includes(attack));
+  assert.ok((await attacked.page.$eval("#load-chart", (chart) => chart.getAttribute("aria-label"))).includes(attack));
   assert.deepEqual(dialogs, []);
   await close(plain);
   await close(attacked);
