@@ -9,7 +9,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/python.md", "python/README.md"])
-def test_the_first_block_of_a_page_runs(page):
+def test_the_first_block_of_a_page_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # it saves what it finds
     code = re.search(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)[1]
     assert 'xc.phantom("thorax")' in code
     names = {}
