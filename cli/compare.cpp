@@ -185,7 +185,7 @@ void add_compare(CLI::App& app, Invocation& invocation) {
       ->capture_default_str()
       ->type_name("NAME");
   command
-      ->add_option("--tilt,--cranial", options->request.tilt_deg,
+      ->add_option("--tilt,--cranial", options->request.cranial_deg,
                    "Tilt of the detector in all views: cranial positive, caudal negative")
       ->capture_default_str()
       ->type_name("DEG");

@@ -45,7 +45,8 @@ namespace fs = std::filesystem;
 /// Collects the demo's pictures and the time of each step.
 class Report {
  public:
-  Report(fs::path folder, const Invocation& invocation) : folder_(std::move(folder)), session_(invocation) {}
+  Report(fs::path folder, const Invocation& invocation)
+      : folder_(std::move(folder)), invocation_(invocation) {}
 
   fs::path file(const std::string& name) const { return folder_ / name; }
 
@@ -61,7 +62,7 @@ class Report {
 
   void note(const std::string& name, const std::string& value) {
     facts_.emplace_back(name, value);
-    session_.say({fmt::format("{:<44}{}", name, value)});
+    invocation_.say({fmt::format("{:<44}{}", name, value)});
   }
 
   void picture(const std::string& name, const std::string& caption) {
@@ -82,7 +83,7 @@ class Report {
 
  private:
   fs::path folder_;
-  const Invocation& session_;
+  const Invocation& invocation_;
   std::vector<CaptionedPicture> pictures_;
   std::vector<std::pair<std::string, std::string>> facts_;
 };

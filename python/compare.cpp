@@ -55,7 +55,7 @@ HeldComparison compare_maps(HeldScan& scan, const std::variant<HeldBody, std::ve
   HeldComparison held{scan.source(),
                       {.maps = named(maps),
                        .angles_deg = angles ? *angles : angles_around_deg(views),
-                       .tilt_deg = cranial,
+                       .cranial_deg = cranial,
                        .sampling = {.compositing = parse_compositing(compositing),
                                     .reconstruction = parse_reconstruction(reconstruction)}},
                       {}};

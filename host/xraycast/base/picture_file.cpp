@@ -5,6 +5,7 @@
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/loaded_module.hpp"
 #include "xraycast/base/picture_formats.hpp"
+#include "xraycast/base/whole_file.hpp"
 
 #include <algorithm>
 #include <array>
@@ -28,6 +29,8 @@ const PictureFormats& formats() {
   return loaded;
 }
 
+constexpr const char* kUnwritten = "could not be written";
+
 /// What `work` returns; its failure names the file.
 template <typename Work>
 decltype(auto) naming(const std::filesystem::path& path, const char* what, const Work& work) {
@@ -38,28 +41,22 @@ decltype(auto) naming(const std::filesystem::path& path, const char* what, const
   }
 }
 
-template <typename Bytes>
-void write_bytes_of(const std::filesystem::path& path, const Bytes& bytes) {
-  AtomicFile file(path);
-  const std::string content = naming(path, "could not be written", bytes);
-  file.write(content, std::ssize(content));
-  file.commit();
-}
-
 }  // namespace
 
 void write_picture(std::span<const std::uint8_t> pixels, int width, int height, int channels,
                    const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
-  write_bytes_of(path, [&] {
-    return extension == ".png" ? png_bytes(pixels, width, height, channels)
-                               : formats().bytes_of(pixels, width, height, channels, extension);
-  });
+  write_whole_file(path, naming(path, kUnwritten, [&] {
+                     return extension == ".png"
+                                ? png_bytes(pixels, width, height, channels)
+                                : formats().bytes_of(pixels, width, height, channels, extension);
+                   }));
 }
 
 void write_tiff(std::span<const float> values, int width, int height, const std::string& description,
                 const std::filesystem::path& path) {
-  write_bytes_of(path, [&] { return formats().tiff_of(values, width, height, description); });
+  write_whole_file(
+      path, naming(path, kUnwritten, [&] { return formats().tiff_of(values, width, height, description); }));
 }
 
 bool is_picture_name(const std::filesystem::path& path) {

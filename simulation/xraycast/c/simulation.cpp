@@ -2,10 +2,12 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/simulation/run.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <new>
 #include <span>
 #include <string>
@@ -13,7 +15,6 @@
 /// With room for what is copied out, so that reading a shape allocates only when it has grown.
 struct xrc_simulation {
   xraycast::Instruments instruments;
-  std::vector<xraycast::InstrumentModel> models;
   mutable std::vector<glm::dvec3> nodes_mm;
   mutable std::vector<xraycast::InstrumentContact> contacts;
 };
@@ -75,15 +76,14 @@ VesselTree tree_of(const xrc_setup& setup) {
   return VesselTree(std::move(branches), "branches");
 }
 
-std::vector<InstrumentModel> models_of(const xrc_setup& setup) {
-  std::vector<InstrumentModel> models;
+std::vector<std::string> instruments_of(const xrc_setup& setup) {
   if (setup.instrument_count > Instruments::kMaxCount)
     throw InputError("instruments: {}, at most {} can be simulated", setup.instrument_count,
                      Instruments::kMaxCount);
+  std::vector<std::string> names;
   for (const char* const name : array_of(setup.instruments, setup.instrument_count, "instruments"))
-    models.push_back(InstrumentModel::named(&given(name, "instruments")));
-  check_instruments(models);
-  return models;
+    names.push_back(&given(name, "instruments"));
+  return names;
 }
 
 EntryChoice entry_of(const xrc_setup& setup) {
@@ -102,10 +102,12 @@ Instruments::Options options_of(const xrc_setup& setup) {
 
 xrc_simulation* simulation_of(const xrc_setup& setup) {
   const Instruments::Options options = options_of(setup);
-  std::vector<InstrumentModel> models = models_of(setup);
-  const VesselTree tree = tree_of(setup);
-  const VesselEnd entry = find_entry(tree, entry_of(setup), models.front());
-  return new xrc_simulation{Instruments(tree, models, entry, options), models, {}, {}};
+  const RunRequest request{.tree = std::make_shared<const VesselTree>(tree_of(setup)),
+                           .instruments = instruments_named(instruments_of(setup)),
+                           .entry = entry_of(setup)};
+  check(request);
+  return new xrc_simulation{
+      Instruments(*request.tree, request.instruments, xraycast::entry_of(request), options), {}, {}};
 }
 
 std::array<HubPose, Instruments::kMaxCount> targets_of(std::span<const xrc_hub> hubs, std::size_t count) {
@@ -129,6 +131,19 @@ const xrc_simulation& with(const xrc_simulation* simulation, std::size_t instrum
 }
 
 void put(const glm::dvec3& from, double* to) { std::copy_n(&from.x, 3, to); }
+
+void put(const InstrumentContact& from, xrc_contact* to) {
+  put(from.position_mm, to->position_mm);
+  put(from.force_N, to->force_N);
+}
+
+/// Copies values out, each to `width` of `room`, which holds `capacity`, and tells how many there are.
+template <typename From, typename To>
+void copy_out(const std::vector<From>& values, To* room, std::size_t capacity, std::size_t width,
+              std::size_t& count) {
+  for (std::size_t i = 0; i < std::min(capacity, values.size()); ++i) put(values[i], room + width * i);
+  count = values.size();
+}
 
 }  // namespace
 
@@ -181,27 +196,22 @@ xrc_status xrc_get_tip(const xrc_simulation* simulation, size_t instrument, xrc_
 xrc_status xrc_get_shape(const xrc_simulation* simulation, size_t instrument, double* nodes_mm,
                          size_t capacity, size_t* count) {
   return status_of([&] {
-    const auto& [instruments, models, nodes, contacts] = with(simulation, instrument);
+    const auto& [instruments, nodes, touching] = with(simulation, instrument);
     size_t& node_count = given(count, "count");
-    const std::span room = array_of(nodes_mm, capacity, "nodes_mm");
+    array_of(nodes_mm, capacity, "nodes_mm");
     instruments.copy_nodes(instrument, nodes);
-    for (std::size_t i = 0; i < std::min(room.size(), nodes.size()); ++i) put(nodes[i], room.data() + 3 * i);
-    node_count = nodes.size();
+    copy_out(nodes, nodes_mm, capacity, 3, node_count);
   });
 }
 
 xrc_status xrc_get_contacts(const xrc_simulation* simulation, size_t instrument, xrc_contact* contacts,
                             size_t capacity, size_t* count) {
   return status_of([&] {
-    const auto& [instruments, models, nodes, touching] = with(simulation, instrument);
+    const auto& [instruments, nodes, touching] = with(simulation, instrument);
     size_t& contact_count = given(count, "count");
-    const std::span room = array_of(contacts, capacity, "contacts");
+    array_of(contacts, capacity, "contacts");
     instruments.copy_contacts(instrument, touching);
-    for (std::size_t i = 0; i < std::min(room.size(), touching.size()); ++i) {
-      put(touching[i].position_mm, room[i].position_mm);
-      put(touching[i].force_N, room[i].force_N);
-    }
-    contact_count = touching.size();
+    copy_out(touching, contacts, capacity, 1, contact_count);
   });
 }
 

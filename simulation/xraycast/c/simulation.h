@@ -12,8 +12,6 @@
 extern "C" {
 #endif
 
-#define XRC_API __attribute__((visibility("default")))
-
 /* The values are the program's exit statuses. */
 typedef enum xrc_status {
   XRC_OK = 0,
@@ -22,7 +20,7 @@ typedef enum xrc_status {
 } xrc_status;
 
 /* One line about the last call of this thread that failed, valid until its next one that does; "" before. */
-XRC_API const char* xrc_last_error(void);
+const char* xrc_last_error(void);
 
 /* Instruments in a vessel tree, one inside the other. */
 typedef struct xrc_simulation xrc_simulation;
@@ -34,7 +32,7 @@ typedef struct xrc_branch {
   int parent; /* the index of the branch whose last point is this one's first; -1 for the root */
 } xrc_branch;
 
-/* What is simulated. All that is 0 has a default. */
+/* What is simulated: a tree and instruments; what else is 0 has a default. */
 typedef struct xrc_setup {
   const char* tree_file; /* .vtp or .json, or the folder that `segment` wrote; NULL: the branches below */
   const xrc_branch* branches; /* copied */
@@ -71,32 +69,32 @@ typedef struct xrc_contact {
 } xrc_contact;
 
 /* Makes a simulation at an insertion of 0, which xrc_destroy() ends. Takes some 50 ms. */
-XRC_API xrc_status xrc_create(const xrc_setup* setup, xrc_simulation** simulation);
-XRC_API void xrc_destroy(xrc_simulation* simulation); /* of NULL: nothing */
+xrc_status xrc_create(const xrc_setup* setup, xrc_simulation** simulation);
+void xrc_destroy(xrc_simulation* simulation); /* of NULL: nothing */
 
 /* One step in time towards a pose for each instrument, the outermost first: `hub_count` is how many there
  * are. A hub moves by at most 300 mm/s and 30 rad/s, and does not advance against more than 3 N. Call it at a
  * steady rate of one in `step_s`; a step takes a fraction of a millisecond. Reads no file and takes no lock.
  */
-XRC_API xrc_status xrc_step(xrc_simulation* simulation, const xrc_hub* hubs, size_t hub_count);
+xrc_status xrc_step(xrc_simulation* simulation, const xrc_hub* hubs, size_t hub_count);
 
-XRC_API xrc_status xrc_get_hub(const xrc_simulation* simulation, size_t instrument, xrc_hub* hub);
-XRC_API xrc_status xrc_get_load(const xrc_simulation* simulation, size_t instrument, xrc_load* load);
-XRC_API xrc_status xrc_get_tip(const xrc_simulation* simulation, size_t instrument, xrc_tip* tip);
+xrc_status xrc_get_hub(const xrc_simulation* simulation, size_t instrument, xrc_hub* hub);
+xrc_status xrc_get_load(const xrc_simulation* simulation, size_t instrument, xrc_load* load);
+xrc_status xrc_get_tip(const xrc_simulation* simulation, size_t instrument, xrc_tip* tip);
 
 /* The nodes from the outer end of the introducer, 20 mm outside the vessel, to the tip: x, y, z in mm each.
  * Writes at most `capacity` nodes, and how many there are into `count`, which changes as the instrument
  * advances. */
-XRC_API xrc_status xrc_get_shape(const xrc_simulation* simulation, size_t instrument, double* nodes_mm,
-                                 size_t capacity, size_t* count);
+xrc_status xrc_get_shape(const xrc_simulation* simulation, size_t instrument, double* nodes_mm,
+                         size_t capacity, size_t* count);
 
 /* Writes at most `capacity` contacts, and how many there are into `count`. */
-XRC_API xrc_status xrc_get_contacts(const xrc_simulation* simulation, size_t instrument,
-                                    xrc_contact* contacts, size_t capacity, size_t* count);
+xrc_status xrc_get_contacts(const xrc_simulation* simulation, size_t instrument, xrc_contact* contacts,
+                            size_t capacity, size_t* count);
 
 /* Another instrument, a preset or a JSON file, instead of one that has been drawn back to 0. The others do
  * not move. Takes some 50 ms. */
-XRC_API xrc_status xrc_exchange(xrc_simulation* simulation, size_t instrument, const char* name_or_file);
+xrc_status xrc_exchange(xrc_simulation* simulation, size_t instrument, const char* name_or_file);
 
 #ifdef __cplusplus
 }

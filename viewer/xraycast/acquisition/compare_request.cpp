@@ -72,7 +72,7 @@ class DrrsOfView {
 
 View compared_view(const CompareRequest& request, double angle_deg, const BodyBounds& bounds) {
   return fitted({.lao_rad = glm::radians(angle_deg),
-                 .cranial_rad = glm::radians(request.tilt_deg),
+                 .cranial_rad = glm::radians(request.cranial_deg),
                  .cone = request.cone,
                  .centre_mm = bounds.centre_mm},
                 bounds);

@@ -29,7 +29,7 @@ struct ComparedMap {
 struct CompareRequest {
   std::vector<ComparedMap> maps{};
   std::vector<double> angles_deg = angles_around_deg(12);
-  double tilt_deg = 0;         ///< of the detector in all views: cranial positive
+  double cranial_deg = 0;      ///< tilt of the detector in all views
   std::optional<Cone> cone{};  ///< none: a parallel beam
   SampleOptions sampling{};
 };

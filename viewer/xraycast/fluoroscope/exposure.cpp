@@ -12,6 +12,10 @@ constexpr double kMetre_mm = 1000;
 
 }  // namespace
 
+std::string to_string(DoseLevel dose) {
+  return dose == DoseLevel::low ? "low" : dose == DoseLevel::normal ? "normal" : "cine";
+}
+
 double reference_distance_mm(const CArm& c_arm) {
   constexpr double kTowardsSource_mm = 150;
   return c_arm.distances.source_axis_mm - kTowardsSource_mm;

@@ -3,6 +3,8 @@
 #include "xraycast/attenuation/tube_spectrum.hpp"
 #include "xraycast/fluoroscope/c_arm.hpp"
 
+#include <string>
+
 namespace xraycast {
 
 /// The technique of a pulse.
@@ -14,6 +16,8 @@ struct Technique {
 
 /// The detector's target of dose a pulse.
 enum class DoseLevel { low, normal, cine };
+
+std::string to_string(DoseLevel dose);
 
 /// Counted since the patient's examination began.
 struct DoseRecord {

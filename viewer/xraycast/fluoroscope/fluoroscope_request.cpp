@@ -25,9 +25,9 @@ Collimation collimation_of(const std::vector<double>& numbers) {
 }
 
 DoseLevel level_of(const std::string& dose) {
-  if (dose == "low") return DoseLevel::low;
-  if (dose == "cine") return DoseLevel::cine;
-  if (dose.empty() || dose == "normal") return DoseLevel::normal;
+  if (dose.empty()) return DoseLevel::normal;
+  for (const DoseLevel level : {DoseLevel::low, DoseLevel::normal, DoseLevel::cine})
+    if (dose == to_string(level)) return level;
   throw InputError("`dose` {}: must be low, normal or cine", dose);
 }
 

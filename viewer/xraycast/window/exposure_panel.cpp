@@ -1,6 +1,6 @@
 #include "xraycast/window/exposure_panel.hpp"
 
-#include "xraycast/window/operator_keys.hpp"
+#include "xraycast/fluoroscope/exposure.hpp"
 
 #include <fmt/format.h>
 

@@ -38,10 +38,6 @@ void add_run(const OperatorState& state, std::vector<KeyHint>& keys) {
 
 }  // namespace
 
-std::string to_string(DoseLevel dose) {
-  return dose == DoseLevel::low ? "low" : dose == DoseLevel::normal ? "normal" : "cine";
-}
-
 std::vector<KeyHint> usable_keys(const OperatorState& state) {
   std::vector<KeyHint> keys;
   if (state.steers || state.exposes) keys.push_back({"X", "X-rays (hold)"});

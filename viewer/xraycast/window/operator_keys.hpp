@@ -35,6 +35,4 @@ std::vector<KeyHint> usable_keys(const OperatorState& state);
 /// What the operator should do next or otherwise, one line each; mostly none.
 std::vector<std::string> advice_on(const OperatorState& state);
 
-std::string to_string(DoseLevel dose);
-
 }  // namespace xraycast

@@ -49,7 +49,7 @@ void heading(const std::string& words) {
   ImGui::Dummy({0, 0.2f * em()});
 }
 
-/// A value on the right, before its unit; a large one stands on the same line as its name.
+/// A value on the right, before its unit; a large one stands on its name's baseline.
 void value(const char* name, const std::string& digits, const char* unit, bool is_large = false) {
   ImFont* const font = ImGui::GetIO().Fonts->Fonts[is_large ? 1 : 0];
   const float drop = font->Ascent - ImGui::GetFont()->Ascent, top = ImGui::GetCursorPosY(),
@@ -67,7 +67,7 @@ void value(const char* name, const std::string& digits, const char* unit, bool i
   ImGui::SetCursorPosY(bottom);
 }
 
-/// A value on the right, before its unit.
+/// The same in large digits.
 void number(const char* name, const std::string& digits, const char* unit) {
   value(name, digits, unit, true);
 }
