@@ -15,6 +15,10 @@ function(xraycast_compile_by_room target)
       set_source_files_properties("${source}" PROPERTIES UNITY_GROUP "${room}")
     endif()
   endforeach()
+  # What most rooms include is compiled ahead, once a library.
+  target_precompile_headers(${target} PRIVATE
+    <algorithm> <array> <cmath> <filesystem> <functional> <memory> <numeric> <optional> <random> <span> <string> <vector>
+    <fmt/format.h> <glm/common.hpp> <glm/geometric.hpp> <glm/vec2.hpp> <glm/vec3.hpp>)
 endfunction()
 
 # Installs the public headers of a library's rooms, those that rooms.txt does not name private: in include/ those of
