@@ -58,8 +58,8 @@ TEST(CastRequest, OfAScanOnTheDeviceIsThatOfItsSlices) {
   Progress progress;
   for (const CastRequest& request :
        {CastRequest{}, CastRequest{.layers = 3, .radii = RadiiRule::equal_thickness, .keep_table = true},
-        CastRequest{.projection = Projection::sphere, .layers = 2, .angles = 60, .centre_mm = {1, 2, 3}},
-        CastRequest{.projection = Projection::rectangle, .views = 3},
+        CastRequest{.projection = RayLayout::sphere, .layers = 2, .angles = 60, .centre_mm = {1, 2, 3}},
+        CastRequest{.projection = RayLayout::rectangle, .views = 3},
         CastRequest{.layers = 2, .outline = ShellOutline::circle, .opacity = Spectrum::named("80")}}) {
     OutlineFinder finder = outline_finder(request, volume.geometry());
     finder.add(volume.hu());

@@ -98,7 +98,7 @@ TEST(WallContact, CapstanHoldsByTheExponentialOfItsAngle) {
 /// A straight rod that lies in a straight tube by its weight.
 struct LyingRod {
   static constexpr double kLength_mm = 100, kWeight_N = 0.05, kStatic = 0.3, kKinetic = 0.2, kTube_mm = 3;
-  static InstrumentModel device() {
+  static InstrumentModel instrument() {
     return InstrumentModel({.name = "rod",
                             .radius_mm = 0.8,
                             .mass_per_length_g_mm = 1e3 * kWeight_N / 9.81 / kLength_mm,
@@ -110,7 +110,7 @@ struct LyingRod {
                                           .torsional_stiffness_Nmm2 = {100, 100}}}},
                            "rod");
   }
-  InstrumentModel model = device();
+  InstrumentModel model = instrument();
   LoneRod rod{{model,
                model.stations_mm(5),
                // A little above the wall, into which it sinks by its weight.
@@ -203,7 +203,7 @@ TEST(WallContact, AMiddleDoesNotSinkBetweenItsNodes) {
   EXPECT_LT(deepest_mm, 0.1);
 }
 
-TEST(WallContact, WhatComesOutOfAnotherDeviceFeelsTheWallAtOnce) {
+TEST(WallContact, WhatComesOutOfAnotherInstrumentFeelsTheWallAtOnce) {
   const InstrumentModel wire(
       {.name = "wire",
        .radius_mm = kWire_mm,
@@ -265,7 +265,7 @@ TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
   EXPECT_EQ(wall.contacts().back().introducer_N.norm(), 0);
 }
 
-TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherDevice) {
+TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherInstrument) {
   const InstrumentModel wire(
       {.name = "wire",
        .radius_mm = kWire_mm,

@@ -28,7 +28,8 @@ ScanAcquisition::ScanAcquisition(Scene scene, const AcquisitionOptions& options,
     : scene_(std::move(scene)), acquisition_(options, first, path_of(scene_.attenuation, options)) {
   surfaces_.set(scene_.surfaces);
   if (const auto* spectrum = std::get_if<Spectrum>(&scene_.attenuation); spectrum && !surfaces_.empty())
-    throw InputError("`opacity` {}: vessels and devices take no spectrum; give an opacity", spectrum->name());
+    throw InputError("`opacity` {}: vessels and instruments take no spectrum; give an opacity",
+                     spectrum->name());
 }
 
 AcquiredFrame ScanAcquisition::frame(const View& view, Progress& progress) {

@@ -24,7 +24,7 @@ class ScanAcquisition {
   struct Scene {
     const SpectralScan& scan;
     Attenuation attenuation;
-    std::vector<Surface> surfaces{};  ///< vessels and devices in it, which attenuate
+    std::vector<Surface> surfaces{};  ///< vessels and instruments in it, which attenuate
     /// One picture takes less time than finding the constant blocks of the scan.
     Sampling sampling = Sampling::everywhere;
   };

@@ -38,11 +38,11 @@ std::string difference(const MapGeometry& map, const VolumeGeometry& volume) {
   const glm::dvec3 centre_mm = bounds_of(map).centre_mm, lower = volume.lower_mm(), upper = volume.upper_mm();
   if (glm::any(glm::lessThan(centre_mm, lower)) || glm::any(glm::greaterThan(centre_mm, upper)))
     return "it lies outside the scan";
-  if (map.projection == Projection::rectangle)  // of rows of its own, over the scan's whole height
+  if (map.ray_layout == RayLayout::rectangle)  // of rows of its own, over the scan's whole height
     return std::abs(map.row_spacing_mm * map.height - (upper.z - lower.z)) > 2 * map.row_spacing_mm
                ? "its height differs"
                : "";
-  if (map.projection == Projection::cylinder) {
+  if (map.ray_layout == RayLayout::cylinder) {
     if (map.height != volume.size.z)
       return fmt::format("it has {} rows, but the scan has {} slices", map.height, volume.size.z);
     const double slice_mm = volume.spacing_mm.z, top_mm = upper.z - 0.5 * slice_mm;
@@ -67,7 +67,7 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const Volu
 
 void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
                      const std::string& basis_name) {
-  const bool is_cylinder = map.projection == Projection::cylinder;
+  const bool is_cylinder = map.ray_layout == RayLayout::cylinder;
   const bool same = map.field && basis.field
                         ? is_same(*map.field, *basis.field) && (!is_cylinder || has_same_rows(map, basis))
                         : without_field(map) == without_field(basis);
