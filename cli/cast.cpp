@@ -170,7 +170,7 @@ void add_cast(CLI::App& app, Invocation& invocation) {
   add_map_output_options(*command, options->output);
   command
       ->add_option("--projection", options->projection,
-                   "Ray geometry: cylinder (outwards from the axis), sphere (outwards from a point) or "
+                   "Ray layout: cylinder (outwards from the axis), sphere (outwards from a point) or "
                    "rectangle (parallel)")
       ->check(CLI::IsMember({"cylinder", "sphere", "rectangle"}))
       ->capture_default_str()

@@ -182,6 +182,17 @@ void write_file(nb::handle path, const nb::object& progress, const Write& write)
   });
 }
 
+void write_map(const HeldBody& body, nb::handle path, const std::optional<std::string>& precision,
+               const nb::object& progress) {
+  const MapPrecision stored = precision ? parse_map_precision(*precision) : body.map->precision;
+  write_file(path, progress, [&](const std::string& file) {
+    if (stored == body.map->precision) return write_body_map(*body.map, file);
+    BodyMap map = *body.map;
+    map.precision = stored;
+    write_body_map(map, file);
+  });
+}
+
 void add_body(nb::module_& module) {
   nb::class_<HeldBody>(
       module, "BodyMap",
@@ -189,13 +200,11 @@ void add_body(nb::module_& module) {
       "without the scan.")
       .def_static("read", read_map, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
                   "Reads a map that `xraycast cast` or write() wrote.")
-      .def(
-          "write",
-          [](const HeldBody& self, nb::handle path, const nb::object& progress) {
-            write_file(path, progress, [&](const std::string& file) { write_body_map(*self.map, file); });
-          },
-          nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
-          "Writes the map, an OpenEXR file.")
+      .def("write", write_map, nb::arg("path"), nb::kw_only(), nb::arg("precision") = nb::none(),
+           nb::arg("progress") = nb::none(),
+           "Writes the map, an OpenEXR file.\n\n"
+           "precision: `float`, `half` (16 bits) or `byte` (scaled to the range of values of each layer); "
+           "default: that of the file that was read, else `float`.")
       .def_prop_ro(
           "tau", map_tau, kShared,
           "Optical depth of each shell, (layers, rows, angles) float32, the innermost layer and the most "
@@ -240,8 +249,7 @@ void add_body(nb::module_& module) {
           "instruments: a Catheter, CoaxialInstruments, an InstrumentShape, or a list of these.\n"
           "contrast_mg_ml: iodine in the vessels.\n"
           "look: fluoro: vessels and instruments attenuate; surface: they are opaque, and depths end at "
-          "them; "
-          "dsa: depths are the differences from the picture without the vessels.\n"
+          "them; dsa: depths are the differences from the picture without the vessels.\n"
           "compositing: how shells add up along a ray: path, by the path length in each, or wall, once per "
           "wall, as in the paper.")
       .def(

@@ -308,8 +308,7 @@ void add_instruments(nb::module_& module) {
            "An instrument from the introducer to its tip, (nodes, 3) float64, mm, LPS; a new array.")
       .def("exchange", exchange_instrument, nb::arg("instrument"), nb::arg("model").none(),
            "Replaces an instrument that is drawn back to an insertion of at most 1 mm by another model. The "
-           "others "
-           "stay.")
+           "others stay.")
       .def(
           "has_free_lumen",
           [](HeldInstruments& d, int instrument) {
@@ -347,14 +346,12 @@ void add_catheter(nb::module_& module) {
   add_state(module);
   add_instruments(module);
   nb::class_<HeldCatheter>(module, "Catheter", "A catheter or guide wire in a vessel tree, moved at its hub.")
-      .def(
-          "__init__", make_catheter, nb::arg("tree"), nb::arg("model"), nb::kw_only(),
-          nb::arg("entry") = nb::none(),
-          "model: an instrument's name, such as cobra-5f or guidewire-035-j (the error for a wrong one lists "
-          "all), "
-          "or a JSON file.\n"
-          "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; default: the most "
-          "inferior end that it fits into.")
+      .def("__init__", make_catheter, nb::arg("tree"), nb::arg("model"), nb::kw_only(),
+           nb::arg("entry") = nb::none(),
+           "model: an instrument's name, such as cobra-5f or guidewire-035-j (the error for a wrong one "
+           "lists all), or a JSON file.\n"
+           "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; default: the most "
+           "inferior end that it fits into.")
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
            "Moves the hub by push_mm and turn_deg, evenly over `ms` steps of 1 ms, and returns the "
            "CatheterState.")

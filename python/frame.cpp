@@ -214,8 +214,7 @@ void add_frames(nb::module_& module) {
           nb::kw_only(), nb::arg("vessels") = nb::none(), nb::arg("instruments") = nb::none(),
           nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml, kShared,
           "The optical depth that vessels and instruments alone add in this view, as BodyMap.render draws "
-          "them, "
-          "(rows, columns) float32; a new array.")
+          "them, (rows, columns) float32; a new array.")
       .def_prop_ro(
           "shape", [](const Frame& f) { return nb::make_tuple(f.height(), f.width()); }, "(rows, columns)")
       .def_prop_ro(

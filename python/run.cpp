@@ -38,11 +38,6 @@ EntryChoice entry_choice(const nb::object& entry) {
   return {point_of(entry, "entry"), name};
 }
 
-bool is_path(const nb::object& object) {
-  return nb::isinstance<nb::str>(object) || nb::isinstance<nb::bytes>(object) ||
-         nb::hasattr(object, "__fspath__");
-}
-
 /// Of a file, or of an array (rows, 1 + 2 instruments).
 Script script_of(const nb::object& script, std::size_t instruments) {
   if (is_path(script)) return Script::read(path_of(script), instruments);
@@ -161,10 +156,9 @@ void add_run(nb::module_& module) {
       .def_prop_ro(
           "records", [](const HeldRun& r) { return nb::borrow<RecordArray>(records_array(r.run.records)); },
           "A structured array (records, instruments), the outermost instrument first, with the fields "
-          "time_s, "
-          "insertion_mm, "
-          "rotation_deg, force_N and torque_Nm of the hub, tip_mm (x, y, z), tip_direction, branch, "
-          "arc_length_mm, contacts, contact_force_N and deepest_mm, in a wall; see CatheterState.")
+          "time_s, insertion_mm, rotation_deg, force_N and torque_Nm of the hub, tip_mm (x, y, z), "
+          "tip_direction, branch, arc_length_mm, contacts, contact_force_N and deepest_mm, in a wall; see "
+          "CatheterState.")
       .def_prop_ro(
           "last",
           [](const HeldRun& r) { return nb::borrow<RecordArray>(records_array({r.run.last})[nb::int_(0)]); },

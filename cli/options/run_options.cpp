@@ -58,9 +58,8 @@ void add_coaxial_options(CLI::App& command, RunOptions& options) {
   command
       .add_option(
           "--entry", options.entry,
-          "Vessel end where the instrument enters (the puncture site): the number of a branch, or the "
-          "end nearest to a "
-          "point in mm (LPS) (default: the most inferior end that the instrument fits into)")
+          "Vessel end where the instrument enters (the puncture site): the number of a branch, or the end "
+          "nearest to a point in mm (LPS) (default: the most inferior end that the instrument fits into)")
       ->type_name("BRANCH|X,Y,Z");
 }
 

@@ -3,7 +3,7 @@ import numbers
 
 import numpy as np
 
-from . import Catheter, InstrumentShape, InputError, VesselTree
+from . import Catheter, InputError, InstrumentShape, VesselTree
 from ._pictures import grey_range, greys, project_points
 
 try:

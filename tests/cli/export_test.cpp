@@ -181,7 +181,7 @@ TEST_F(Export, ShowsASessionAsItWasSaved) {
   EXPECT_EQ(header["window"]["scale"], 2);
   EXPECT_EQ(header["greys"], Json({{"gamma", 1.2}, {"inverted", true}}));
   EXPECT_EQ(header["layer_weights"], Json({1, 0}));
-  EXPECT_TRUE(header["run"].is_null());  // the catheter as it stood is no film
+  EXPECT_TRUE(header["run"].is_null());  // the catheter as it stood is no run
 }
 
 TEST_F(Export, NamesNoFileOfThisMachine) {

@@ -35,11 +35,10 @@ TEST_F(SimulateCommand, NamesTheEndsThatLieAsLowAsTheEntry) {
   const std::string line = "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv";
   const Finished done = run(line);
   EXPECT_EQ(done.status, 0);
-  expect_one_line(
-      done.err,
-      "vessel ends lie equally low, within 10 mm: the instrument enters at branch 1 at (-80.0, 0.0, "
-      "0.0) mm, on the patient's right, and not at branch 2 at (80.0, 0.0, 3.0) mm, on the "
-      "patient's left; choose by --entry 1 or --entry 2\n");
+  expect_one_line(done.err,
+                  "vessel ends lie equally low, within 10 mm: the instrument enters at branch 1 at (-80.0, "
+                  "0.0, 0.0) mm, on the patient's right, and not at branch 2 at (80.0, 0.0, 3.0) mm, on the "
+                  "patient's left; choose by --entry 1 or --entry 2\n");
   EXPECT_THAT(done.out,
               HasSubstr("entry: end of branch 1 at (-80.0, 0.0, 0.0) mm, on the patient's right; "));
   EXPECT_EQ(json_of(line + " --entry 1")["entry_side"], "right");

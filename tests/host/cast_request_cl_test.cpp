@@ -1,4 +1,5 @@
 #include "support/reference.hpp"
+#include "support/shared_device.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/recast.hpp"
@@ -17,11 +18,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using Edges = std::vector<double>;
-
-ComputeDevice& device() {
-  static ComputeDevice device;
-  return device;
-}
 
 /// A trunk of 90 x 60 mm over a table, with a vessel beside its middle, and an arm that reaches 150 mm in a
 /// few slices.

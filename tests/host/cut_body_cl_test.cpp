@@ -1,6 +1,8 @@
 // Bodies that the scan cuts off: voxels have extent, so the scan ends at the faces of its border voxels, in
 // all kernels.
+#include "support/lengths.hpp"
 #include "support/reference.hpp"
+#include "support/shared_device.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projector.hpp"
 #include "xraycast/casting/recast.hpp"
@@ -22,17 +24,6 @@ namespace xraycast::test::cut_body_cl_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
-
-/// Air is 0 and water 1 per mm, so that optical depths are lengths in mm.
-const Opacity& lengths() {
-  static const Opacity opacity("lengths", {{-1024, 0}, {0, 1}});
-  return opacity;
-}
-
-ComputeDevice& device() {
-  static ComputeDevice device;
-  return device;
-}
 
 Volume water_in(const Index3& size, const glm::dvec3& spacing_mm) {
   return make_volume(size, spacing_mm, [](const glm::dvec3&) { return 0; });

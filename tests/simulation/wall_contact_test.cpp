@@ -203,14 +203,19 @@ TEST(WallContact, AMiddleDoesNotSinkBetweenItsNodes) {
   EXPECT_LT(deepest_mm, 0.1);
 }
 
-TEST(WallContact, WhatComesOutOfAnotherInstrumentFeelsTheWallAtOnce) {
-  const InstrumentModel wire(
+/// A straight wire of 60 mm.
+InstrumentModel short_wire() {
+  return {
       {.name = "wire",
        .radius_mm = kWire_mm,
        .mass_per_length_g_mm = 2e-3,
        .axial_stiffness_N = 500,
        .sections = {{.length_mm = 60, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}}}},
-      "wire");
+      "wire"};
+}
+
+TEST(WallContact, WhatComesOutOfAnotherInstrumentFeelsTheWallAtOnce) {
+  const InstrumentModel wire = short_wire();
   const auto rod_at = [&](double off_axis_mm) {
     return Rod(wire, wire.stations_mm(5), {.position_mm = {off_axis_mm, 0, 20}}, wire.length_mm(), {});
   };
@@ -266,13 +271,7 @@ TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
 }
 
 TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherInstrument) {
-  const InstrumentModel wire(
-      {.name = "wire",
-       .radius_mm = kWire_mm,
-       .mass_per_length_g_mm = 2e-3,
-       .axial_stiffness_N = 500,
-       .sections = {{.length_mm = 60, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}}}},
-      "wire");
+  const InstrumentModel wire = short_wire();
   // Beside the axis of an introducer that holds all of it, and of a tube as narrow as the wire.
   LoneRod rod({wire, wire.stations_mm(5), {.position_mm = {0.1, 0, 20}}, wire.length_mm(), {}});
   const WallContact::Introducer introducer{{0, 0, 150}, {0, 0, 1}};

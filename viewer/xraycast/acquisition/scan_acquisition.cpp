@@ -2,6 +2,8 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <glm/geometric.hpp>
+
 #include <utility>
 
 namespace xraycast {
@@ -22,6 +24,13 @@ void use_spectrum(const std::string& name, const Spectrum& spectrum, Fluoroscopy
   else
     options.spectrum = spectrum;
   check(options);
+}
+
+bool is_source_within(const View& view, const VolumeGeometry& volume, const BodyOutline& body) {
+  if (!view.cone) return false;
+  const glm::dvec3 source_mm = view.source_mm();
+  return glm::distance(glm::dvec2(source_mm), body.centre_mm) < body.radius_mm &&
+         source_mm.z > volume.lower_mm().z && source_mm.z < volume.upper_mm().z;
 }
 
 ScanAcquisition::ScanAcquisition(Scene scene, const AcquisitionOptions& options, const View& first)

@@ -18,6 +18,9 @@ void use_spectrum(const std::string& name, const Spectrum& spectrum, Fluoroscopy
 /// The voltage of a tube's spectrum; none for one from a file.
 std::optional<int> tube_kvp(const std::string& name, const Spectrum& spectrum);
 
+/// Whether a cone's source lies inside the body, so that the tissue behind it is not in the picture.
+bool is_source_within(const View& view, const VolumeGeometry& volume, const BodyOutline& body);
+
 /// Pictures of a scan on a device by the projector.
 class ScanAcquisition {
  public:
