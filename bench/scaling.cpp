@@ -99,7 +99,7 @@ void measure_rod_scaling(const std::filesystem::path& plot) {
   constexpr double kSpacing_mm = 1.2;
   Curve curve{"50 to 800 nodes", {}};
   for (const std::size_t nodes : {50, 100, 200, 400, 800}) {
-    DeviceSteps steps(1, nodes, kSpacing_mm);
+    InstrumentSteps steps(1, nodes, kSpacing_mm);
     std::vector<double> times_ms;
     for (int i = 0; i < 1000; ++i) times_ms.push_back(steps.next_ms());
     const double ms = median(times_ms);

@@ -9,16 +9,16 @@ namespace xraycast::bench {
 
 /// A catheter, or a wire in it, in a winding vessel, each with a given number of nodes, most of them in
 /// contact, that keep moving.
-class DeviceSteps {
+class InstrumentSteps {
  public:
   /// `devices`: one or two.
-  DeviceSteps(std::size_t devices, std::size_t nodes, double spacing_mm);
+  InstrumentSteps(std::size_t instruments, std::size_t nodes, double spacing_mm);
 
   /// The time of the next step.
   double next_ms();
 
  private:
-  Instruments devices_;
+  Instruments instruments_;
   std::vector<HubPose> poses_;
   long steps_ = 0;
 };

@@ -36,12 +36,12 @@ struct CastArguments {
 };
 
 /// --centre vessels:DIR, X,Y, or X,Y,Z for a sphere.
-std::vector<double> parse_centre(const std::string& text, Projection projection) {
+std::vector<double> parse_centre(const std::string& text, RayLayout ray_layout) {
   const std::string vessels = "vessels:";
   if (text.starts_with(vessels))
-    return centre_of(read_tree(std::filesystem::path(text.substr(vessels.size())) / "tree.vtp"), projection);
+    return centre_of(read_tree(std::filesystem::path(text.substr(vessels.size())) / "tree.vtp"), ray_layout);
   std::vector<double> centre = parse_numbers(text, "--centre");
-  if (centre.size() != 2 && (centre.size() != 3 || projection != Projection::sphere))
+  if (centre.size() != 2 && (centre.size() != 3 || ray_layout != RayLayout::sphere))
     throw InputError("--centre {}: must be auto, vessels:DIR or X,Y in mm, and for a sphere also X,Y,Z",
                      text);
   return centre;
@@ -72,7 +72,7 @@ std::int64_t parse_memory_limit(const std::string& text) {
 
 CastRequest request_of(const CastArguments& options) {
   CastRequest request = options.request;
-  request.projection = parse_projection(options.projection);
+  request.projection = parse_ray_layout(options.projection);
   if (options.centre != "auto") request.centre_mm = parse_centre(options.centre, request.projection);
   if (options.radius != "auto") request.radius_mm = parse_radius(options.radius);
   if (options.radii) request.radii = parse_radii(*options.radii);
@@ -170,7 +170,7 @@ void add_cast(CLI::App& app, Invocation& invocation) {
   add_map_output_options(*command, options->output);
   command
       ->add_option("--projection", options->projection,
-                   "Ray geometry: cylinder (outwards from the axis), sphere (outwards from a point) or "
+                   "Ray layout: cylinder (outwards from the axis), sphere (outwards from a point) or "
                    "rectangle (parallel)")
       ->check(CLI::IsMember({"cylinder", "sphere", "rectangle"}))
       ->capture_default_str()

@@ -70,7 +70,7 @@ class Report {
   }
 
   /// `name`.png, a still of `name`.gif.
-  void film(const std::string& name, const std::string& caption) {
+  void cine(const std::string& name, const std::string& caption) {
     pictures_.push_back({file(name + ".png"), fmt::format("{}.gif: {}", name, caption), file(name + ".gif")});
   }
 
@@ -217,16 +217,16 @@ void write_run_page(const VesselTree& tree, const std::shared_ptr<const BodyMap>
 }
 
 /// A cine of a run, with a still of it.
-struct Film {
-  Film(const std::shared_ptr<const BodyMap>& map, const VesselTree& tree, const RunCine::Options& options,
-       const fs::path& name)
+struct CineWithStill {
+  CineWithStill(const std::shared_ptr<const BodyMap>& map, const VesselTree& tree,
+                const RunCine::Options& options, const fs::path& name)
       : run(map, tree, options),
         writer(name.string() + ".gif", options.view.width, options.view.height),
         still_file(name.string() + ".png") {}
 
   /// The still is the last frame, of subtraction the one with most contrast agent.
-  void see(const Instruments& devices, double time_s) {
-    if (!run.see(devices, time_s)) return;
+  void advance(const Instruments& instruments, double time_s) {
+    if (!run.advance(instruments, time_s)) return;
     std::vector<std::uint8_t> rgb = run.picture();
     writer.add(rgb);
     const bool subtracts = run.options().picture.acquisition.subtracts;
@@ -253,26 +253,27 @@ void make_run(const std::shared_ptr<const VesselTree>& tree, const std::shared_p
              bounds_of(map->geometry));
   options.view.centre_mm.z -= 100;  // the abdomen, as narrow as a fluoroscope's field
   options.injection = kSelective;
-  std::vector<std::unique_ptr<Film>> films;
+  std::vector<std::unique_ptr<CineWithStill>> cines;
   for (const char* look : {"fluoro", "surface"}) {
     choose_look(look, options.picture);
     options.picture.style.window.inverted = options.picture.style.look == Look::surface;
-    films.push_back(std::make_unique<Film>(map, *tree, options, report.file(fmt::format("run-{}", look))));
+    cines.push_back(
+        std::make_unique<CineWithStill>(map, *tree, options, report.file(fmt::format("run-{}", look))));
   }
 
   const RunRequest request{.tree = tree, .script = Script::parse(kScript, "demo"), .interval_s = 0.02};
   RecordedRun recorded = RecordedRun::of(request.instruments);
   const Run run = report.timed("catheter run of 10.5 s, with its frames", [&] {
     return xraycast::run(request, progress, [&](const Instruments& moved, double time_s) {
-      for (const auto& film : films) film->see(moved, time_s);
-      recorded.see(moved, time_s);
+      for (const auto& cine : cines) cine->advance(moved, time_s);
+      recorded.record(moved, time_s);
     });
   });
-  for (const auto& film : films) film->finish();
+  for (const auto& cine : cines) cine->finish();
   report.note("tip of the catheter", fmt::format("in branch {}, {:.0f} mm along it", run.last[0].tip.branch,
                                                  run.last[0].tip.arc_length_mm));
-  report.film("run-fluoro", "Cobra to the left renal artery");
-  report.film("run-surface", "the same run");
+  report.cine("run-fluoro", "Cobra to the left renal artery");
+  report.cine("run-surface", "the same run");
   write_picture(hub_plot("Cobra 5 F: force and torque at the hub", run.records, 0),
                 report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
@@ -290,15 +291,16 @@ void make_angiography(const std::shared_ptr<const VesselTree>& tree,
   choose_look("dsa", options.picture);
   options.picture.acquisition.fluoroscope = {
       .c_arm = CArm::named("fixed-single-plane"), .dose = DoseLevel::cine, .pulses_per_s = 10};
-  Film film(map, *tree, options, report.file("run-dsa"));
+  CineWithStill cine(map, *tree, options, report.file("run-dsa"));
   const RunRequest request{.tree = tree,
                            .instruments = instruments_named({"pigtail-5f"}),
                            .script = Script::parse(kFlushScript, "demo")};
   report.timed("angiography of the renal arteries", [&] {
-    return run(request, progress, [&](const Instruments& moved, double time_s) { film.see(moved, time_s); });
+    return run(request, progress,
+               [&](const Instruments& moved, double time_s) { cine.advance(moved, time_s); });
   });
-  film.finish();
-  report.film("run-dsa", "DSA, 20 ml into the aorta");
+  cine.finish();
+  report.cine("run-dsa", "DSA, 20 ml into the aorta");
 }
 
 /// A wire steered from the right groin into the left carotid artery, and the catheter over it.
@@ -310,17 +312,18 @@ void make_steering(const std::shared_ptr<const VesselTree>& tree, const std::sha
   options.view =
       fitted({.centre_mm = bounds.centre_mm, .width = 248, .height = 450, .pixel_mm = 1.6}, bounds);
   options.step_s = 0.2;
-  Film film(map, *tree, options, report.file("carotid"));
+  CineWithStill cine(map, *tree, options, report.file("carotid"));
   const EmbeddedFile& script = embedded_scripts().front();
   const RunRequest request{.tree = tree,
                            .instruments = instruments_named({"vertebral-5f", "guidewire-035-angled"}),
                            .entry = {glm::dvec3(-89, -54, -357)},
                            .script = Script::parse(std::string(script.source), std::string(script.name), 2)};
   report.timed("wire and catheter to the carotid artery", [&] {
-    return run(request, progress, [&](const Instruments& moved, double time_s) { film.see(moved, time_s); });
+    return run(request, progress,
+               [&](const Instruments& moved, double time_s) { cine.advance(moved, time_s); });
   });
-  film.finish();
-  report.film("carotid", "a wire, then the catheter");
+  cine.finish();
+  report.cine("carotid", "a wire, then the catheter");
 }
 
 void run_demo(const std::string& folder, Invocation& invocation) {

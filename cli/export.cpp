@@ -41,7 +41,7 @@ void export_session(const ExportArguments& options, Invocation& invocation) {
   if (!script.empty()) {
     if (scene.vessels.empty())
       throw InputError("--script {}: there are no vessels to steer in; give --vessels too", script);
-    scene.steered.reset();  // the run's devices are shown instead
+    scene.steered.reset();  // the run's instruments are shown instead
   }
   ExportRequest request = exported_session(scene, load_map(scene, invocation.device));
   request.format = format;

@@ -10,7 +10,6 @@
 #include "xraycast/casting/spectral_scan.hpp"
 
 #include <fmt/format.h>
-#include <glm/geometric.hpp>
 
 #include <memory>
 
@@ -26,13 +25,6 @@ struct ProjectArguments {
   DicomOptions dicom;
   FluoroscopeArguments fluoroscope;
 };
-
-bool is_source_within(const View& view, const VolumeGeometry& volume, const BodyOutline& body) {
-  if (!view.cone) return false;
-  const glm::dvec3 source_mm = view.source_mm();
-  return glm::distance(glm::dvec2(source_mm), body.centre_mm) < body.radius_mm &&
-         source_mm.z > volume.lower_mm().z && source_mm.z < volume.upper_mm().z;
-}
 
 void project_scan(const ProjectArguments& options, Invocation& invocation) {
   const Stopwatch stopwatch;

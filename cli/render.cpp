@@ -92,12 +92,12 @@ void check_output(const RenderArguments& options) {
   }
 }
 
-/// The session's map, vessels and devices.
+/// The session's map, vessels and instruments.
 MapScene read_scene(const ViewSession& session, const std::shared_ptr<const BodyMap>& map,
                     const Invocation& program) {
   MapScene scene{.map = map};
   if (session.steered) {
-    scene.devices = steered_surfaces(*session.steered);
+    scene.instruments = steered_surfaces(*session.steered);
     if (session.steered->has_road_map && !session.vessels.empty())
       scene.road_map = read_tree(session.vessels);
     return scene;
@@ -107,7 +107,7 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
     program.say(
         notes_on_place(scene.vessels->mesh.points_mm, bounds_of(map->geometry), session.vessels.string()));
   }
-  if (!session.catheter.empty()) scene.devices.push_back(read_catheter(session.catheter));
+  if (!session.catheter.empty()) scene.instruments.push_back(read_catheter(session.catheter));
   return scene;
 }
 

@@ -43,7 +43,7 @@ struct SimulateArguments {
   const CLI::App* command = nullptr;
 };
 
-/// forces.png, forces-2.png and so on, one a device; none without --plot.
+/// forces.png, forces-2.png and so on, one an instrument; none without --plot.
 std::vector<fs::path> plots_of(const SimulateArguments& options) {
   if (options.plot.empty()) return {};
   std::vector<fs::path> paths{options.plot};
@@ -113,8 +113,8 @@ class Cine {
         cine.view, acquisition, xa);
   }
 
-  void see(const Instruments& devices, double time_s) {
-    if (!run_->see(devices, time_s)) return;
+  void advance(const Instruments& instruments, double time_s) {
+    if (!run_->advance(instruments, time_s)) return;
     if (file_->is_shown())
       file_->add(run_->picture());
     else
@@ -211,8 +211,8 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
     cine.emplace(options, *request.tree, request.script->rows().back().time_s, invocation);
   HubSamples samples(*request.script);
   const Run run = xraycast::run(request, invocation.progress, [&](const Instruments& moved, double time_s) {
-    if (!options.plot.empty()) samples.see(moved, time_s);
-    if (cine) cine->see(moved, time_s);
+    if (!options.plot.empty()) samples.record(moved, time_s);
+    if (cine) cine->advance(moved, time_s);
   });
   const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
   OutputSet outputs;
@@ -265,7 +265,7 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       "  xraycast simulate vessels --device-model cobra-5f --device-model guidewire-035-j \\\n"
       "    --script both.csv -o log.csv\n"
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
-      "second device also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
+      "second instrument also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
       [options, &invocation] { simulate(*options, invocation); });
   options->command = command;
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")

@@ -118,7 +118,7 @@ FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const
   picture.style.sampling.compositing = parse_compositing(given.compositing);
   const auto held = fluoroscope_of(given.fluoroscope);
   if (held) picture.acquisition.fluoroscope = held->options;
-  check(picture, scene.vessels.has_value(), !scene.devices.empty());
+  check(picture, scene.vessels.has_value(), !scene.instruments.empty());
   const BodyBounds bounds = bounds_of(body.map->geometry);
   Poses poses = poses_of(arguments, [&](View view, bool has_centre) {
     if (!has_centre) view.centre_mm = bounds.centre_mm;
@@ -128,7 +128,7 @@ FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const
     auto drawn = room_for(poses.poses, false, held.has_value());
     reported.begin("drawing", std::ssize(poses.poses), "frames");
     draw([&](Renderer& renderer) {
-      MapAcquisition frames(renderer, {body.map, scene.vessels, scene.devices}, picture,
+      MapAcquisition frames(renderer, {body.map, scene.vessels, scene.instruments}, picture,
                             std::get<View>(poses.poses.front()));
       for (const Pose& pose : poses.poses) {
         drawn->add(frames.frame(std::get<View>(pose)), frames.acquisition());
@@ -182,6 +182,17 @@ void write_file(nb::handle path, const nb::object& progress, const Write& write)
   });
 }
 
+void write_map(const HeldBody& body, nb::handle path, const std::optional<std::string>& precision,
+               const nb::object& progress) {
+  const MapPrecision stored = precision ? parse_map_precision(*precision) : body.map->precision;
+  write_file(path, progress, [&](const std::string& file) {
+    if (stored == body.map->precision) return write_body_map(*body.map, file);
+    BodyMap map = *body.map;
+    map.precision = stored;
+    write_body_map(map, file);
+  });
+}
+
 void add_body(nb::module_& module) {
   nb::class_<HeldBody>(
       module, "BodyMap",
@@ -189,13 +200,11 @@ void add_body(nb::module_& module) {
       "without the scan.")
       .def_static("read", read_map, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
                   "Reads a map that `xraycast cast` or write() wrote.")
-      .def(
-          "write",
-          [](const HeldBody& self, nb::handle path, const nb::object& progress) {
-            write_file(path, progress, [&](const std::string& file) { write_body_map(*self.map, file); });
-          },
-          nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
-          "Writes the map, an OpenEXR file.")
+      .def("write", write_map, nb::arg("path"), nb::kw_only(), nb::arg("precision") = nb::none(),
+           nb::arg("progress") = nb::none(),
+           "Writes the map, an OpenEXR file.\n\n"
+           "precision: `float`, `half` (16 bits) or `byte` (scaled to the range of values of each layer); "
+           "default: that of the file that was read, else `float`.")
       .def_prop_ro(
           "tau", map_tau, kShared,
           "Optical depth of each shell, (layers, rows, angles) float32, the innermost layer and the most "
@@ -222,25 +231,25 @@ void add_body(nb::module_& module) {
       .def(
           "render",
           [](const HeldBody& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
-             nb::object pixel_mm, nb::object centre_mm, nb::object vessels, nb::object devices,
+             nb::object pixel_mm, nb::object centre_mm, nb::object vessels, nb::object instruments,
              double contrast_mg_ml, const std::string& look, const std::string& compositing,
              const nb::object& fluoroscope, const nb::object& progress) {
             return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
-                          {{vessels, devices, contrast_mg_ml}, look, compositing, fluoroscope}, progress);
+                          {{vessels, instruments, contrast_mg_ml}, look, compositing, fluoroscope}, progress);
           },
           nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
           nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
-          nb::arg("centre_mm") = nb::none(), nb::arg("vessels") = nb::none(), nb::arg("devices") = nb::none(),
-          nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml, nb::arg("look") = "fluoro",
-          nb::arg("compositing") = "path", nb::arg("fluoroscope") = nb::none(),
+          nb::arg("centre_mm") = nb::none(), nb::arg("vessels") = nb::none(),
+          nb::arg("instruments") = nb::none(), nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
+          nb::arg("look") = "fluoro", nb::arg("compositing") = "path", nb::arg("fluoroscope") = nb::none(),
           nb::arg("progress") = nb::none(),
           "A Frame from any C-arm angle, or Frames if angles are lists; poses and fluoroscope are as in "
           "Scan.project. Drawn by OpenGL, in software if there is no GPU.\n\n"
           "vessels: Vessels, a VesselTree, a Mesh, or a file or folder, filled with contrast agent.\n"
-          "devices: a Catheter, CoaxialDevices, a DeviceShape, or a list of these.\n"
+          "instruments: a Catheter, CoaxialInstruments, an InstrumentShape, or a list of these.\n"
           "contrast_mg_ml: iodine in the vessels.\n"
-          "look: fluoro: vessels and devices attenuate; surface: they are opaque, and depths end at them; "
-          "dsa: depths are the differences from the picture without the vessels.\n"
+          "look: fluoro: vessels and instruments attenuate; surface: they are opaque, and depths end at "
+          "them; dsa: depths are the differences from the picture without the vessels.\n"
           "compositing: how shells add up along a ray: path, by the path length in each, or wall, once per "
           "wall, as in the paper.")
       .def(
@@ -295,7 +304,7 @@ void def_cast(nb::class_<HeldScan>& scan, const char* name, Make make, const std
              const std::optional<Path>& centre_line, bool keep_table, const std::optional<Path>& iodine,
              const std::optional<Path>& without_vessels, std::optional<std::int64_t> memory_limit_B,
              const std::optional<std::vector<double>>& knots_hu, const nb::object& progress) {
-        CastRequest request{.projection = parse_projection(projection),
+        CastRequest request{.projection = parse_ray_layout(projection),
                             .layers = layers,
                             .angles = angles,
                             .views = views,

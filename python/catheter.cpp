@@ -29,18 +29,19 @@ struct State {
   bool is_held;
 };
 
-/// How far each device's hub moves.
+/// How far each instrument's hub moves.
 struct Motion {
   std::vector<double> push_mm, turn_rad;
 };
 
-/// Coaxial devices, or one alone, moved by one thread at a time.
-class HeldDevices {
+/// Coaxial instruments, or one alone, moved by one thread at a time.
+class HeldInstruments {
  public:
-  explicit HeldDevices(const RunRequest& request)
-      : count_(request.instruments.size()), devices_(*request.tree, request.instruments, entry_of(request)) {
+  explicit HeldInstruments(const RunRequest& request)
+      : count_(request.instruments.size()),
+        instruments_(*request.tree, request.instruments, entry_of(request)) {
     for (std::size_t d = 0; d < count_; ++d)
-      shown_.push_back({request.instruments[d].name(), devices_.max_insertion_mm(d)});
+      shown_.push_back({request.instruments[d].name(), instruments_.max_insertion_mm(d)});
   }
 
   /// Without the interpreter's lock, which it takes now and then to look for Ctrl-C.
@@ -48,14 +49,14 @@ class HeldDevices {
     const auto lock = locked();
     const Stepping stepping(stepping_);
     std::vector<HubPose> starts, poses(count());
-    for (std::size_t d = 0; d < count(); ++d) starts.push_back(devices_.pose(d));
+    for (std::size_t d = 0; d < count(); ++d) starts.push_back(instruments_.pose(d));
     auto looked = std::chrono::steady_clock::now();
     for (int i = 1; i <= steps; ++i) {
       const double share = static_cast<double>(i) / steps;
       for (std::size_t d = 0; d < count(); ++d)
         poses[d] = {starts[d].insertion_mm + share * motion.push_mm[d],
                     starts[d].rotation_rad + share * motion.turn_rad[d]};
-      devices_.step(poses);
+      instruments_.step(poses);
       constexpr std::chrono::milliseconds kLookInterval{50};
       if (std::chrono::steady_clock::now() - looked < kLookInterval) continue;
       const nb::gil_scoped_acquire held;
@@ -71,45 +72,45 @@ class HeldDevices {
     return states_now();
   }
 
-  std::shared_ptr<std::vector<glm::dvec3>> nodes_mm(std::size_t device) {
+  std::shared_ptr<std::vector<glm::dvec3>> nodes_mm(std::size_t instrument) {
     const auto lock = locked();
     auto nodes = std::make_shared<std::vector<glm::dvec3>>();
-    devices_.copy_nodes(device, *nodes);
+    instruments_.copy_nodes(instrument, *nodes);
     return nodes;
   }
 
-  std::vector<DeviceShape> shapes() {
+  std::vector<InstrumentShape> shapes() {
     const auto lock = locked();
-    std::vector<DeviceShape> all(count());
+    std::vector<InstrumentShape> all(count());
     for (std::size_t d = 0; d < count(); ++d) {
-      devices_.copy_nodes(d, all[d].nodes_mm);
-      const InstrumentModel& model = devices_.rod(d).instrument();
+      instruments_.copy_nodes(d, all[d].nodes_mm);
+      const InstrumentModel& model = instruments_.rod(d).instrument();
       all[d].radius_mm = model.radius_mm();
       all[d].has_lumen = model.inner_radius_mm() > 0;
     }
     return all;
   }
 
-  void exchange(std::size_t device, const InstrumentModel& model) {
+  void exchange(std::size_t instrument, const InstrumentModel& model) {
     const auto lock = locked();
-    devices_.exchange(device, model);
+    instruments_.exchange(instrument, model);
     const std::lock_guard shown(shown_mutex_);
-    shown_[device] = {model.name(), devices_.max_insertion_mm(device)};
+    shown_[instrument] = {model.name(), instruments_.max_insertion_mm(instrument)};
   }
 
-  bool has_free_lumen(std::size_t device) {
+  bool has_free_lumen(std::size_t instrument) {
     const auto lock = locked();
-    return devices_.has_free_lumen(device);
+    return instruments_.has_free_lumen(instrument);
   }
 
   // Also with the interpreter's lock and while another thread steps.
-  std::string name(std::size_t device) {
+  std::string name(std::size_t instrument) {
     const std::lock_guard shown(shown_mutex_);
-    return shown_[device].name;
+    return shown_[instrument].name;
   }
-  double max_insertion_mm(std::size_t device) {
+  double max_insertion_mm(std::size_t instrument) {
     const std::lock_guard shown(shown_mutex_);
-    return shown_[device].max_insertion_mm;
+    return shown_[instrument].max_insertion_mm;
   }
 
   std::size_t count() const { return count_; }
@@ -140,8 +141,8 @@ class HeldDevices {
 
   std::vector<State> states_now() const {
     std::vector<State> states;
-    for (const RunRecord& record : records_of(devices_, devices_.time_s()))
-      states.push_back({record, devices_.is_held(states.size())});
+    for (const RunRecord& record : records_of(instruments_, instruments_.time_s()))
+      states.push_back({record, instruments_.is_held(states.size())});
     return states;
   }
 
@@ -153,14 +154,14 @@ class HeldDevices {
   std::size_t count_;
   std::mutex shown_mutex_;
   std::vector<Shown> shown_;
-  std::mutex mutex_;    ///< of the devices
+  std::mutex mutex_;    ///< of the instruments
   Stepper stepping_{};  ///< the thread that steps
-  Instruments devices_;
+  Instruments instruments_;
 };
 
 /// One alone.
 struct HeldCatheter {
-  HeldDevices held;
+  HeldInstruments held;
 };
 
 void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::object& model,
@@ -169,26 +170,27 @@ void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::objec
   models.append(model);
   const RunRequest request = run_of(tree, models, entry, "model");
   const nb::gil_scoped_release released;
-  new (catheter) HeldCatheter{HeldDevices(request)};
+  new (catheter) HeldCatheter{HeldInstruments(request)};
 }
 
-void make_devices(HeldDevices* devices, const HeldTree& tree, const nb::object& models,
-                  const nb::object& entry) {
+void make_instruments(HeldInstruments* instruments, const HeldTree& tree, const nb::object& models,
+                      const nb::object& entry) {
   const RunRequest request = run_of(tree, models, entry, "models");
   const nb::gil_scoped_release released;
-  new (devices) HeldDevices(request);
+  new (instruments) HeldInstruments(request);
 }
 
-/// One number a device; none: 0 for all.
+/// One number an instrument; none: 0 for all.
 std::vector<double> moves_of(const nb::object& given, std::size_t count, const char* name) {
   if (given.is_none()) return std::vector<double>(count, 0);
   Numbers numbers = numbers_of(given, name);
   if (numbers.shape != std::vector{count})
-    throw InputError("{}: must be {}, one a device, the outermost first", name, pluralize(count, "number"));
+    throw InputError("{}: must be {}, one an instrument, the outermost first", name,
+                     pluralize(count, "number"));
   return std::move(numbers.values);
 }
 
-std::vector<State> move_by(HeldDevices& devices, Motion motion, int ms) {
+std::vector<State> move_by(HeldInstruments& instruments, Motion motion, int ms) {
   constexpr int kLongest_ms = 3'600'000;
   if (ms < 1 || ms > kLongest_ms)
     throw InputError("ms {}: must be 1 to {}, whole steps of 1 ms", ms, kLongest_ms);
@@ -196,14 +198,15 @@ std::vector<State> move_by(HeldDevices& devices, Motion motion, int ms) {
   Progress progress;
   const RunningCall call(progress);
   const nb::gil_scoped_release released;
-  return devices.step(motion, ms, call);
+  return instruments.step(motion, ms, call);
 }
 
-std::vector<State> move_hubs(HeldDevices& devices, const nb::object& push_mm, const nb::object& turn_deg,
-                             int ms) {
-  return move_by(
-      devices,
-      {moves_of(push_mm, devices.count(), "push_mm"), moves_of(turn_deg, devices.count(), "turn_deg")}, ms);
+std::vector<State> move_hubs(HeldInstruments& instruments, const nb::object& push_mm,
+                             const nb::object& turn_deg, int ms) {
+  return move_by(instruments,
+                 {moves_of(push_mm, instruments.count(), "push_mm"),
+                  moves_of(turn_deg, instruments.count(), "turn_deg")},
+                 ms);
 }
 
 State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) {
@@ -212,19 +215,20 @@ State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) 
   return move_by(catheter.held, {{push_mm}, {turn_deg}}, ms).front();
 }
 
-/// Throws InputError for a device that there is not.
-std::size_t checked_device(const HeldDevices& devices, int device) {
-  if (device < 0 || static_cast<std::size_t>(device) >= devices.count())
-    throw InputError("device {}: must be 0 to {}, from the outermost on", device, devices.count() - 1);
-  return static_cast<std::size_t>(device);
+/// Throws InputError for an instrument that there is not.
+std::size_t checked_instrument(const HeldInstruments& instruments, int instrument) {
+  if (instrument < 0 || static_cast<std::size_t>(instrument) >= instruments.count())
+    throw InputError("instrument {}: must be 0 to {}, from the outermost on", instrument,
+                     instruments.count() - 1);
+  return static_cast<std::size_t>(instrument);
 }
 
-auto nodes_of(HeldDevices& devices, int device) {
-  const std::size_t number = checked_device(devices, device);
+auto nodes_of(HeldInstruments& instruments, int instrument) {
+  const std::size_t number = checked_instrument(instruments, instrument);
   std::shared_ptr<std::vector<glm::dvec3>> nodes;
   {
     const nb::gil_scoped_release released;
-    nodes = devices.nodes_mm(number);
+    nodes = instruments.nodes_mm(number);
   }
   return array_over<double, 2>(&nodes->front().x, {nodes->size(), 3}, nodes);
 }
@@ -254,7 +258,7 @@ void add_state(nb::module_& module) {
           "tip_mm", [](const State& s) { return tuple_of(s.record.tip.position_mm); }, "(x, y, z), mm, LPS.")
       .def_prop_ro(
           "tip_direction", [](const State& s) { return tuple_of(s.record.tip.direction); },
-          "The unit vector along the device at its tip.")
+          "The unit vector along the instrument at its tip.")
       .def_prop_ro(
           "branch", [](const State& s) { return s.record.tip.branch; },
           "The number of the tree's branch in which the tip is.")
@@ -273,65 +277,66 @@ void add_state(nb::module_& module) {
       .def("__repr__", state_description);
 }
 
-std::vector<std::string> names_of(HeldDevices& devices) {
+std::vector<std::string> names_of(HeldInstruments& instruments) {
   std::vector<std::string> names;
-  for (std::size_t d = 0; d < devices.count(); ++d) names.push_back(devices.name(d));
+  for (std::size_t d = 0; d < instruments.count(); ++d) names.push_back(instruments.name(d));
   return names;
 }
 
-void exchange_device(HeldDevices& devices, int device, const nb::object& model) {
-  const std::size_t number = checked_device(devices, device);
-  const std::string name = device_name(model, "model");
+void exchange_instrument(HeldInstruments& instruments, int instrument, const nb::object& model) {
+  const std::size_t number = checked_instrument(instruments, instrument);
+  const std::string name = instrument_name(model, "model");
   const nb::gil_scoped_release released;
-  devices.exchange(number, InstrumentModel::named(name));
+  instruments.exchange(number, InstrumentModel::named(name));
 }
 
-void add_devices(nb::module_& module) {
-  nb::class_<HeldDevices>(
-      module, "CoaxialDevices",
-      "Up to three devices one in the other, such as a guide wire in a catheter, each moved at "
-      "its own hub. Lists have one item for each device, the outermost first.")
-      .def("__init__", make_devices, nb::arg("tree"), nb::arg("models").none(), nb::kw_only(),
+void add_instruments(nb::module_& module) {
+  nb::class_<HeldInstruments>(
+      module, "CoaxialInstruments",
+      "Up to three instruments one in the other, such as a guide wire in a catheter, each moved at "
+      "its own hub. Lists have one item for each instrument, the outermost first.")
+      .def("__init__", make_instruments, nb::arg("tree"), nb::arg("models").none(), nb::kw_only(),
            nb::arg("entry") = nb::none(),
            "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry: as "
            "Catheter's.")
       .def("step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
            nb::arg("ms") = 1,
            "Moves each hub by its numbers in push_mm and turn_deg, evenly over `ms` steps of 1 ms, and "
-           "returns a CatheterState for each device.")
-      .def_prop_ro("states", &HeldDevices::states, nb::call_guard<nb::gil_scoped_release>())
-      .def("nodes_mm", nodes_of, nb::arg("device"), kShared,
-           "A device from the introducer to its tip, (nodes, 3) float64, mm, LPS; a new array.")
-      .def(
-          "exchange", exchange_device, nb::arg("device"), nb::arg("model").none(),
-          "Replaces a device that is drawn back to an insertion of at most 1 mm by another model. The others "
-          "stay.")
+           "returns a CatheterState for each instrument.")
+      .def_prop_ro("states", &HeldInstruments::states, nb::call_guard<nb::gil_scoped_release>())
+      .def("nodes_mm", nodes_of, nb::arg("instrument"), kShared,
+           "An instrument from the introducer to its tip, (nodes, 3) float64, mm, LPS; a new array.")
+      .def("exchange", exchange_instrument, nb::arg("instrument"), nb::arg("model").none(),
+           "Replaces an instrument that is drawn back to an insertion of at most 1 mm by another model. The "
+           "others stay.")
       .def(
           "has_free_lumen",
-          [](HeldDevices& d, int device) { return d.has_free_lumen(checked_device(d, device)); },
-          nb::arg("device"), nb::call_guard<nb::gil_scoped_release>(),
-          "Whether it has a lumen with no other device inserted, so that contrast agent can be injected.")
-      .def_prop_ro("shapes", &HeldDevices::shapes, nb::call_guard<nb::gil_scoped_release>(),
-                   "A DeviceShape for each device now, for frames.")
+          [](HeldInstruments& d, int instrument) {
+            return d.has_free_lumen(checked_instrument(d, instrument));
+          },
+          nb::arg("instrument"), nb::call_guard<nb::gil_scoped_release>(),
+          "Whether it has a lumen with no other instrument inserted, so that contrast agent can be injected.")
+      .def_prop_ro("shapes", &HeldInstruments::shapes, nb::call_guard<nb::gil_scoped_release>(),
+                   "An InstrumentShape for each instrument now, for frames.")
       .def_prop_ro("models", names_of)
       .def_prop_ro("max_insertion_mm",
-                   [](HeldDevices& d) {
+                   [](HeldInstruments& d) {
                      std::vector<double> most_mm;
                      for (std::size_t i = 0; i < d.count(); ++i) most_mm.push_back(d.max_insertion_mm(i));
                      return most_mm;
                    })
-      .def("__len__", &HeldDevices::count)
-      .def("__repr__", [](HeldDevices& d) {
-        return text_object(fmt::format("<xraycast.CoaxialDevices {}>", fmt::join(names_of(d), ", ")));
+      .def("__len__", &HeldInstruments::count)
+      .def("__repr__", [](HeldInstruments& d) {
+        return text_object(fmt::format("<xraycast.CoaxialInstruments {}>", fmt::join(names_of(d), ", ")));
       });
 }
 
 }  // namespace
 
-std::optional<std::vector<DeviceShape>> steered_shapes(nb::handle devices) {
-  HeldDevices* held = nullptr;
-  if (nb::isinstance<HeldDevices>(devices)) held = nb::cast<HeldDevices*>(devices);
-  if (nb::isinstance<HeldCatheter>(devices)) held = &nb::cast<HeldCatheter*>(devices)->held;
+std::optional<std::vector<InstrumentShape>> steered_shapes(nb::handle instruments) {
+  HeldInstruments* held = nullptr;
+  if (nb::isinstance<HeldInstruments>(instruments)) held = nb::cast<HeldInstruments*>(instruments);
+  if (nb::isinstance<HeldCatheter>(instruments)) held = &nb::cast<HeldCatheter*>(instruments)->held;
   if (!held) return std::nullopt;
   const nb::gil_scoped_release released;
   return held->shapes();
@@ -339,13 +344,12 @@ std::optional<std::vector<DeviceShape>> steered_shapes(nb::handle devices) {
 
 void add_catheter(nb::module_& module) {
   add_state(module);
-  add_devices(module);
+  add_instruments(module);
   nb::class_<HeldCatheter>(module, "Catheter", "A catheter or guide wire in a vessel tree, moved at its hub.")
       .def("__init__", make_catheter, nb::arg("tree"), nb::arg("model"), nb::kw_only(),
            nb::arg("entry") = nb::none(),
-           "model: a device's name, such as cobra-5f or guidewire-035-j (the error for a wrong one lists "
-           "all), "
-           "or a JSON file.\n"
+           "model: an instrument's name, such as cobra-5f or guidewire-035-j (the error for a wrong one "
+           "lists all), or a JSON file.\n"
            "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; default: the most "
            "inferior end that it fits into.")
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
@@ -359,7 +363,7 @@ void add_catheter(nb::module_& module) {
           "The rod from the introducer to the tip, (nodes, 3) float64, mm, LPS; a new array.")
       .def_prop_ro(
           "shape", [](HeldCatheter& c) { return c.held.shapes().front(); },
-          nb::call_guard<nb::gil_scoped_release>(), "Its DeviceShape now, for frames.")
+          nb::call_guard<nb::gil_scoped_release>(), "Its InstrumentShape now, for frames.")
       .def_prop_ro("model", [](HeldCatheter& c) { return text_object(c.held.name(0)); })
       .def_prop_ro("max_insertion_mm", [](HeldCatheter& c) { return c.held.max_insertion_mm(0); })
       .def("__repr__", [](HeldCatheter& c) {

@@ -208,13 +208,13 @@ void add_frames(nb::module_& module) {
           "The Exposure; None without a fluoroscope.")
       .def(
           "absorption",
-          [](const Frame& f, nb::object vessels, nb::object devices, double contrast_mg_ml) {
-            return absorption_array(f, {vessels, devices, contrast_mg_ml});
+          [](const Frame& f, nb::object vessels, nb::object instruments, double contrast_mg_ml) {
+            return absorption_array(f, {vessels, instruments, contrast_mg_ml});
           },
-          nb::kw_only(), nb::arg("vessels") = nb::none(), nb::arg("devices") = nb::none(),
+          nb::kw_only(), nb::arg("vessels") = nb::none(), nb::arg("instruments") = nb::none(),
           nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml, kShared,
-          "The optical depth that vessels and devices alone add in this view, as BodyMap.render draws them, "
-          "(rows, columns) float32; a new array.")
+          "The optical depth that vessels and instruments alone add in this view, as BodyMap.render draws "
+          "them, (rows, columns) float32; a new array.")
       .def_prop_ro(
           "shape", [](const Frame& f) { return nb::make_tuple(f.height(), f.width()); }, "(rows, columns)")
       .def_prop_ro(

@@ -50,7 +50,7 @@ Depths gradient_from(const SpectralScan& scan, const Pose& pose, const Attenuati
 struct Wishes {
   Attenuation attenuation;
   bool has_gradient = false;
-  std::vector<Surface> surfaces;  ///< vessels and devices
+  std::vector<Surface> surfaces;  ///< vessels and instruments
   AcquisitionOptions acquisition;
 };
 
@@ -93,7 +93,7 @@ std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses
 
 void check(const Wishes& wishes, const Poses& poses) {
   if (!wishes.acquisition.fluoroscope && wishes.surfaces.empty()) return;
-  const char* const name = wishes.acquisition.fluoroscope ? "fluoroscope" : "vessels and devices";
+  const char* const name = wishes.acquisition.fluoroscope ? "fluoroscope" : "vessels and instruments";
   if (std::holds_alternative<PinholeCamera>(poses.poses.front()))
     throw InputError("{}: K and RT place no C-arm; give lao, cranial and cone_mm", name);
   if (wishes.has_gradient) throw InputError("{}: have no gradient; leave one of them out", name);
@@ -126,16 +126,16 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "project",
       [](HeldScan& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
          nb::object pixel_mm, nb::object centre_mm, nb::object k, nb::object rt,
-         const OpacityArgument& opacity, bool gradient, nb::object vessels, nb::object devices,
+         const OpacityArgument& opacity, bool gradient, nb::object vessels, nb::object instruments,
          double contrast_mg_ml, const nb::object& fluoroscope, const nb::object& progress) {
         return project_scan(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
-                            gradient, {vessels, devices, contrast_mg_ml}, fluoroscope, progress);
+                            gradient, {vessels, instruments, contrast_mg_ml}, fluoroscope, progress);
       },
       nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
       nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
       nb::arg("centre_mm") = nb::none(), nb::arg("K") = nb::none(), nb::arg("RT") = nb::none(),
       nb::arg("opacity") = "paper", nb::arg("gradient") = false, nb::arg("vessels") = nb::none(),
-      nb::arg("devices") = nb::none(), nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
+      nb::arg("instruments") = nb::none(), nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
       nb::arg("fluoroscope") = nb::none(), nb::arg("progress") = nb::none(),
       "The DRR of the scan: a Frame of optical depths, or Frames where angles or matrices are lists.\n\n"
       "lao, cranial: the C-arm's angles in degrees, LAO and cranial positive.\n"
@@ -148,7 +148,7 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "mm, z forward; the middle of pixel (0, 0) is at (0, 0). They take `size`.\n"
       "opacity: paper, bilinear, subtracted, a JSON file, an Opacity, or spectrum:KVP.\n"
       "gradient: also finds how tau changes with the pose; see Frame.gradient.\n"
-      "vessels, devices, contrast_mg_ml: drawn into the picture, as in BodyMap.render.\n"
+      "vessels, instruments, contrast_mg_ml: drawn into the picture, as in BodyMap.render.\n"
       "fluoroscope: a Fluoroscope, whose pulses the frames then are: Frame.shown, codes, signal_kev and "
       "exposure.");
 }

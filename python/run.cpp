@@ -38,29 +38,24 @@ EntryChoice entry_choice(const nb::object& entry) {
   return {point_of(entry, "entry"), name};
 }
 
-bool is_path(const nb::object& object) {
-  return nb::isinstance<nb::str>(object) || nb::isinstance<nb::bytes>(object) ||
-         nb::hasattr(object, "__fspath__");
-}
-
-/// Of a file, or of an array (rows, 1 + 2 devices).
-Script script_of(const nb::object& script, std::size_t devices) {
-  if (is_path(script)) return Script::read(path_of(script), devices);
+/// Of a file, or of an array (rows, 1 + 2 instruments).
+Script script_of(const nb::object& script, std::size_t instruments) {
+  if (is_path(script)) return Script::read(path_of(script), instruments);
   const Numbers numbers = numbers_of(script, "script");
-  const std::size_t columns = 1 + 2 * devices;
+  const std::size_t columns = 1 + 2 * instruments;
   if (numbers.shape.size() != 2 || numbers.shape[1] != columns)
     throw InputError(
-        "script: must be a file or (rows, {}): time_s, then insertion_mm and rotation_deg of each device",
+        "script: must be a file or (rows, {}): time_s, then insertion_mm and rotation_deg of each instrument",
         columns);
   std::vector<Script::Row> rows(numbers.shape[0]);
   const double* value = numbers.values.data();
   for (Script::Row& row : rows) {
     row.time_s = *value++;
-    row.inner_poses.resize(devices - 1);
-    for (std::size_t d = 0; d < devices; ++d, value += 2)
+    row.inner_poses.resize(instruments - 1);
+    for (std::size_t d = 0; d < instruments; ++d, value += 2)
       (d == 0 ? row.pose : row.inner_poses[d - 1]) = {value[0], value[1] / kDegreesPerRadian};
   }
-  return Script::of(std::move(rows), "script", devices);
+  return Script::of(std::move(rows), "script", instruments);
 }
 
 HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::object& script,
@@ -73,7 +68,7 @@ HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::
     if (held.request.script->rows().back().time_s <= RecordedRun::kLongest_s)
       held.recorded = RecordedRun::of(held.request.instruments);
     held.run = run(held.request, reported, [&](const Instruments& moved, double time_s) {
-      if (held.recorded) held.recorded->see(moved, time_s);
+      if (held.recorded) held.recorded->record(moved, time_s);
     });
     notes.insert(notes.end(), held.run.notes.begin(), held.run.notes.end());
     held.run.notes = std::move(notes);
@@ -99,13 +94,13 @@ PackedRecord packed(const RunRecord& r) {
           r.contacts,      r.contact_force_N,   r.deepest_mm};
 }
 
-/// A structured array (records, devices).
+/// A structured array (records, instruments).
 nb::object records_array(const std::vector<std::vector<RunRecord>>& records) {
   Progress progress;
   const RunningCall call(progress);  // as poses_of
   std::vector<PackedRecord> all;
-  for (const std::vector<RunRecord>& of_devices : records)
-    for (const RunRecord& record : of_devices) all.push_back(packed(record));
+  for (const std::vector<RunRecord>& of_instruments : records)
+    for (const RunRecord& record : of_instruments) all.push_back(packed(record));
   nb::list fields;
   for (const char* name : {"time_s", "insertion_mm", "rotation_deg", "force_N", "torque_Nm"})
     fields.append(nb::make_tuple(name, "f8"));
@@ -117,11 +112,11 @@ nb::object records_array(const std::vector<std::vector<RunRecord>>& records) {
   return record_array(all, fields).attr("reshape")(records.size(), records.front().size());
 }
 
-auto plot_of(const HeldRun& held, int device) {
+auto plot_of(const HeldRun& held, int instrument) {
   const auto& instruments = held.request.instruments;
-  if (device < 0 || device >= std::ssize(instruments))
-    throw InputError("device {}: must be 0 to {}", device, instruments.size() - 1);
-  const auto number = static_cast<std::size_t>(device);
+  if (instrument < 0 || instrument >= std::ssize(instruments))
+    throw InputError("instrument {}: must be 0 to {}", instrument, instruments.size() - 1);
+  const auto number = static_cast<std::size_t>(instrument);
   return picture_array(
       hub_plot(fmt::format("{}: at the hub", instruments[number].name()), held.run.records, number));
 }
@@ -134,22 +129,22 @@ std::vector<std::string> names_of(const HeldRun& held) {
 
 }  // namespace
 
-std::string device_name(nb::handle object, const std::string& argument) {
+std::string instrument_name(nb::handle object, const std::string& argument) {
   try {
     return path_of(object);
   } catch (const nb::python_error& error) {
     if (!error.matches(PyExc_TypeError)) throw;
-    throw InputError("{}: must be the name of a device or of its JSON file", argument);
+    throw InputError("{}: must be the name of an instrument or of its JSON file", argument);
   }
 }
 
 RunRequest run_of(const HeldTree& tree, const nb::object& instruments, const nb::object& entry,
                   const std::string& name) {
   if (nb::isinstance<nb::str>(instruments) || !nb::isinstance<nb::sequence>(instruments))
-    throw InputError("{}: must be a list of devices, the outermost first", name);
+    throw InputError("{}: must be a list of instruments, the outermost first", name);
   std::vector<std::string> names;
   for (const nb::handle instrument : instruments)
-    names.push_back(device_name(instrument, fmt::format("{}[{}]", name, names.size())));
+    names.push_back(instrument_name(instrument, fmt::format("{}[{}]", name, names.size())));
   RunRequest request{
       .tree = tree.tree, .instruments = instruments_named(names), .entry = entry_choice(entry)};
   check(request);
@@ -157,21 +152,22 @@ RunRequest run_of(const HeldTree& tree, const nb::object& instruments, const nb:
 }
 
 void add_run(nb::module_& module) {
-  nb::class_<HeldRun>(module, "Run", "What simulate() gives: the records of devices that a script moved.")
+  nb::class_<HeldRun>(module, "Run", "What simulate() gives: the records of instruments that a script moved.")
       .def_prop_ro(
           "records", [](const HeldRun& r) { return nb::borrow<RecordArray>(records_array(r.run.records)); },
-          "A structured array (records, devices), the outermost device first, with the fields time_s, "
-          "insertion_mm, "
-          "rotation_deg, force_N and torque_Nm of the hub, tip_mm (x, y, z), tip_direction, branch, "
-          "arc_length_mm, contacts, contact_force_N and deepest_mm, in a wall; see CatheterState.")
+          "A structured array (records, instruments), the outermost instrument first, with the fields "
+          "time_s, insertion_mm, rotation_deg, force_N and torque_Nm of the hub, tip_mm (x, y, z), "
+          "tip_direction, branch, arc_length_mm, contacts, contact_force_N and deepest_mm, in a wall; see "
+          "CatheterState.")
       .def_prop_ro(
           "last",
           [](const HeldRun& r) { return nb::borrow<RecordArray>(records_array({r.run.last})[nb::int_(0)]); },
-          "The devices' states at the end, (devices,), as a record of each; time_s since they began to move.")
+          "The instruments' states at the end, (instruments,), as a record of each; time_s since they began "
+          "to move.")
       .def_prop_ro("instruments", names_of)
       .def_prop_ro(
           "entry_branch", [](const HeldRun& r) { return r.run.entry.branch; },
-          "The number of the branch at whose end the devices entered.")
+          "The number of the branch at whose end the instruments entered.")
       .def_prop_ro(
           "entry_mm",
           [](const HeldRun& r) {
@@ -184,10 +180,10 @@ void add_run(nb::module_& module) {
           "For so long a hub did not advance, since the push force was 3 N already.")
       .def_prop_ro(
           "notes", [](const HeldRun& r) { return text_objects(r.run.notes); },
-          "What to know of the run, such as other ends at which the devices might have entered.")
-      .def("plot", plot_of, nb::arg("device") = 0, kShared,
-           "The force and the torque at a device's hub over time: (rows, columns, 3) uint8.\n\n"
-           "device: its number, 0 for the outermost.")
+          "What to know of the run, such as other ends at which the instruments might have entered.")
+      .def("plot", plot_of, nb::arg("instrument") = 0, kShared,
+           "The force and the torque at an instrument's hub over time: (rows, columns, 3) uint8.\n\n"
+           "instrument: its number, 0 for the outermost.")
       .def(
           "write",
           [](const HeldRun& r, nb::handle path) { write_whole_file(path_of(path), to_csv(r.run.records)); },
@@ -204,10 +200,10 @@ void add_run(nb::module_& module) {
               "script: str | os.PathLike[str] | numpy.typing.ArrayLike, *, "
               "entry: int | numpy.typing.ArrayLike | None = None, interval_s: float = 0.0, "
               "progress: object = None) -> Run"),
-      "Moves devices through a VesselTree by a script, as fast as the machine can, and returns a Run.\n\n"
-      "instruments: names of devices or their JSON files, the outermost first; up to three, one in the "
+      "Moves instruments through a VesselTree by a script, as fast as the machine can, and returns a Run.\n\n"
+      "instruments: names of instruments or their JSON files, the outermost first; up to three, one in the "
       "other.\n"
-      "script: a CSV file (see `xraycast simulate`), or an array (rows, 1 + 2 devices): time in s, then "
+      "script: a CSV file (see `xraycast simulate`), or an array (rows, 1 + 2 instruments): time in s, then "
       "insertion in mm and rotation in degrees of each hub, interpolated linearly.\n"
       "entry: as Catheter's.  interval_s: between records; 0: one for each row of the script.");
 }

@@ -20,8 +20,9 @@ struct HeldRun {
 RunRequest run_of(const HeldTree& tree, const nb::object& instruments, const nb::object& entry,
                   const std::string& name);
 
-/// The name of a device or of its file. Throws InputError, with `argument` in front, for what is neither.
-std::string device_name(nb::handle object, const std::string& argument);
+/// The name of an instrument or of its file. Throws InputError, with `argument` in front, for what is
+/// neither.
+std::string instrument_name(nb::handle object, const std::string& argument);
 
 void add_run(nb::module_& module);
 

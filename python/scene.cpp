@@ -27,19 +27,19 @@ Surface vessels_of(nb::handle vessels, double contrast_mg_ml) {
   return read_vessels(path_of(vessels), contrast_mg_ml);
 }
 
-/// Of one object; none for what is no device.
-std::optional<std::vector<DeviceShape>> shapes_of_one(nb::handle device) {
-  if (DeviceShape shape; nb::try_cast(device, shape)) return std::vector{shape};
-  return steered_shapes(device);
+/// Of one object; none for what is no instrument.
+std::optional<std::vector<InstrumentShape>> shapes_of_one(nb::handle instrument) {
+  if (InstrumentShape shape; nb::try_cast(instrument, shape)) return std::vector{shape};
+  return steered_shapes(instrument);
 }
 
-std::vector<DeviceShape> shapes_of(nb::handle devices) {
+std::vector<InstrumentShape> shapes_of(nb::handle instruments) {
   constexpr const char* kWhat =
-      "devices: must be a Catheter, CoaxialDevices, a DeviceShape, or a list of these";
-  if (auto alone = shapes_of_one(devices)) return *alone;
-  if (!nb::isinstance<nb::sequence>(devices)) throw InputError(kWhat);
-  std::vector<DeviceShape> all;
-  for (const nb::handle one : nb::borrow<nb::sequence>(devices)) {
+      "instruments: must be a Catheter, CoaxialInstruments, an InstrumentShape, or a list of these";
+  if (auto alone = shapes_of_one(instruments)) return *alone;
+  if (!nb::isinstance<nb::sequence>(instruments)) throw InputError(kWhat);
+  std::vector<InstrumentShape> all;
+  for (const nb::handle one : nb::borrow<nb::sequence>(instruments)) {
     auto shapes = shapes_of_one(one);
     if (!shapes) throw InputError(kWhat);
     std::ranges::move(*shapes, std::back_inserter(all));
@@ -47,19 +47,19 @@ std::vector<DeviceShape> shapes_of(nb::handle devices) {
   return all;
 }
 
-void make_shape(DeviceShape* shape, const nb::object& nodes_mm, double diameter_mm, bool is_wire) {
+void make_shape(InstrumentShape* shape, const nb::object& nodes_mm, double diameter_mm, bool is_wire) {
   constexpr std::size_t kFewest = 4;
   std::vector<glm::dvec3> nodes = points_of(nodes_mm, "nodes_mm");
   if (nodes.size() < kFewest) throw InputError("nodes_mm: must be at least {} points", kFewest);
   if (!(diameter_mm > 0 && std::isfinite(diameter_mm)))
     throw InputError("diameter_mm {:g}: must be above 0", diameter_mm);
-  new (shape) DeviceShape{std::move(nodes), 0.5 * diameter_mm, !is_wire};
+  new (shape) InstrumentShape{std::move(nodes), 0.5 * diameter_mm, !is_wire};
 }
 
 }  // namespace
 
 std::vector<Surface> HeldScene::all() const {
-  std::vector<Surface> surfaces = devices;
+  std::vector<Surface> surfaces = instruments;
   if (vessels) surfaces.push_back(*vessels);
   return surfaces;
 }
@@ -67,33 +67,35 @@ std::vector<Surface> HeldScene::all() const {
 HeldScene scene_of(const SceneArguments& arguments) {
   HeldScene scene;
   if (!arguments.vessels.is_none()) scene.vessels = vessels_of(arguments.vessels, arguments.contrast_mg_ml);
-  if (!arguments.devices.is_none())
-    scene.devices = steered_surfaces({.devices = shapes_of(arguments.devices)});
+  if (!arguments.instruments.is_none())
+    scene.instruments = steered_surfaces({.instruments = shapes_of(arguments.instruments)});
   return scene;
 }
 
 void add_scene(nb::module_& module) {
-  nb::class_<DeviceShape>(module, "DeviceShape",
-                          "A device's shape, with the diameter and material that frames show.")
+  nb::class_<InstrumentShape>(module, "InstrumentShape",
+                              "An instrument's shape, with the diameter and material that frames show.")
       .def("__init__", make_shape, nb::arg("nodes_mm"), nb::arg("diameter_mm"), nb::kw_only(),
            nb::arg("is_wire") = false,
            "nodes_mm: from the introducer to the tip, (4 or more, 3), mm, LPS.  is_wire: of steel, with a "
            "denser tip; else a catheter's radiopaque tubing.")
       .def_prop_ro(
           "nodes_mm",
-          [](const DeviceShape& s) {
+          [](const InstrumentShape& s) {
             const auto nodes = std::make_shared<std::vector<glm::dvec3>>(s.nodes_mm);
             return array_over<double, 2>(&nodes->front().x, {nodes->size(), 3}, nodes);
           },
           kShared, "(nodes, 3) float64, mm, LPS; a new array.")
-      .def_prop_ro("diameter_mm", [](const DeviceShape& s) { return 2 * s.radius_mm; })
-      .def_prop_ro("is_wire", [](const DeviceShape& s) { return !s.has_lumen; })
+      .def_prop_ro("diameter_mm", [](const InstrumentShape& s) { return 2 * s.radius_mm; })
+      .def_prop_ro("is_wire", [](const InstrumentShape& s) { return !s.has_lumen; })
       .def_prop_ro(
           "per_mm",
-          [](const DeviceShape& s) { return device_parts(s.nodes_mm, s.has_lumen).front().mu_per_mm; },
+          [](const InstrumentShape& s) {
+            return instrument_parts(s.nodes_mm, s.has_lumen).front().mu_per_mm;
+          },
           "The attenuation of its shaft, 1/mm.")
-      .def("__repr__", [](const DeviceShape& s) {
-        return fmt::format("<xraycast.DeviceShape of {:.2f} mm{}>", 2 * s.radius_mm,
+      .def("__repr__", [](const InstrumentShape& s) {
+        return fmt::format("<xraycast.InstrumentShape of {:.2f} mm{}>", 2 * s.radius_mm,
                            s.has_lumen ? "" : ", a wire");
       });
 }

@@ -11,28 +11,28 @@ namespace xraycast::python {
 
 namespace nb = nanobind;
 
-using DeviceShape = SteeredDevices::Device;
+using InstrumentShape = SteeredInstruments::Instrument;
 
 /// The arguments that say what lies in the body, as they were given.
 struct SceneArguments {
-  nb::object vessels, devices;
+  nb::object vessels, instruments;
   double contrast_mg_ml = kUsualContrast_mg_ml;
 };
 
 /// The same as surfaces.
 struct HeldScene {
   std::optional<Surface> vessels;
-  std::vector<Surface> devices;
+  std::vector<Surface> instruments;
 
   /// Both, where no mask is taken.
   std::vector<Surface> all() const;
 };
 
-/// Vessels are Vessels, a VesselTree, a Mesh or a path; devices are a Catheter, CoaxialDevices, a
-/// DeviceShape, or a list of these. Throws InputError, naming the argument.
+/// Vessels are Vessels, a VesselTree, a Mesh or a path; instruments are a Catheter, CoaxialInstruments, an
+/// InstrumentShape, or a list of these. Throws InputError, naming the argument.
 HeldScene scene_of(const SceneArguments& arguments);
 
-/// DeviceShape.
+/// InstrumentShape.
 void add_scene(nb::module_& module);
 
 }  // namespace xraycast::python

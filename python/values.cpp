@@ -62,6 +62,11 @@ nb::ndarray<nb::numpy, std::uint8_t, nb::ndim<3>> picture_array(RgbPicture pictu
 
 nb::tuple tuple_of(const glm::dvec3& v) { return nb::make_tuple(v.x, v.y, v.z); }
 
+bool is_path(nb::handle object) {
+  return nb::isinstance<nb::str>(object) || nb::isinstance<nb::bytes>(object) ||
+         nb::hasattr(object, "__fspath__");
+}
+
 std::string path_of(nb::handle object) {
   const auto name = nb::cast<nb::bytes>(nb::module_::import_("os").attr("fsencode")(object));
   std::string path(name.c_str(), name.size());

@@ -41,6 +41,9 @@ glm::ivec2 size_of(nb::handle object, const std::string& name);
 /// A tuple of three floats.
 nb::tuple tuple_of(const glm::dvec3& v);
 
+/// Whether it names a file: text, bytes, or a pathlib.Path.
+bool is_path(nb::handle object);
+
 /// The name of a file, as Python's os.fsencode gives it. Throws InputError for one with a zero byte.
 std::string path_of(nb::handle object);
 

@@ -64,8 +64,7 @@ std::shared_ptr<const Mask> mask_of(const nb::object& given, const VolumeGeometr
 GivenMask given_mask_of(const nb::object& given, const VolumeGeometry& grid) {
   if (given.is_none()) return {};
   if (nb::isinstance<HeldVessels>(given)) return nb::cast<const HeldVessels&>(given).mask();
-  if (nb::isinstance<nb::str>(given) || nb::hasattr(given, "__fspath__"))
-    return std::filesystem::path(path_of(given));
+  if (is_path(given)) return std::filesystem::path(path_of(given));
   return mask_of(given, grid);
 }
 

@@ -37,8 +37,8 @@ struct HeldVessels {
   std::shared_ptr<const Mask> mask() const { return part(found->mask); }
 };
 
-/// The shapes of a Catheter or of CoaxialDevices now; none for another object.
-std::optional<std::vector<DeviceShape>> steered_shapes(nb::handle devices);
+/// The shapes of a Catheter or of CoaxialInstruments now; none for another object.
+std::optional<std::vector<InstrumentShape>> steered_shapes(nb::handle instruments);
 
 void add_vessels(nb::module_& module);
 void add_catheter(nb::module_& module);

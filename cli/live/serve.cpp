@@ -54,11 +54,8 @@ void check_device(const ServeArguments& options) {
 std::optional<WebServer::Options> parse_web(const ServeArguments& options) {
   if (options.web) {
     WebServer::Options web{.hosts = options.web_hosts};
-    try {
-      web.address = parse_listen_address(*options.web);
-    } catch (const InputError& error) {
-      throw InputError("--web {}; MAP goes before --web", error.what());
-    }
+    web.address = for_option(
+        "--web", [&] { return parse_listen_address(*options.web); }, "; MAP goes before --web");
     WebServer::check(web);
     return web;
   }
@@ -113,15 +110,12 @@ CArmPose resolve_pose(const ServeArguments& options, const ViewSession& scene, c
 }
 
 std::shared_ptr<IgtlinkDevice> open_server(const ServeArguments& options) {
-  ListenAddress address;
-  try {
-    if (!options.listen.empty()) address = parse_listen_address(options.listen);
+  return for_option("--listen", [&] {
     return std::make_shared<IgtlinkDevice>(
-        address, log_to_stderr, options.is_steered() ? options.run.instrument_models.size() : 0,
+        options.listen.empty() ? ListenAddress{} : parse_listen_address(options.listen), log_to_stderr,
+        options.is_steered() ? options.run.instrument_models.size() : 0,
         IgtlinkWatching{.is_allowed = true, .is_unasked = options.sends_unasked});
-  } catch (const InputError& error) {
-    throw InputError("--listen {}", error.what());
-  }
+  });
 }
 
 Intervention::Options steering_of(const ServeArguments& options, const RunRequest& request,
@@ -138,11 +132,9 @@ Intervention::Options steering_of(const ServeArguments& options, const RunReques
 std::unique_ptr<WebOutlet> open_web(const WebServer::Options& web, ExportRequest page,
                                     const BodyBounds& bounds) {
   page.still_png = still_png(page);
-  try {
+  return for_option("--web", [&] {
     return std::make_unique<WebOutlet>(web, export_bytes(page), bounds, page.live->has_hub, log_to_stderr);
-  } catch (const InputError& error) {
-    throw InputError("--web {}", error.what());
-  }
+  });
 }
 
 /// What this thread starts from now on, drawing included, gives way to the simulation and the network.

@@ -34,21 +34,11 @@ ViewSession resolve(const ViewArguments& options) {
   return session;
 }
 
-/// Checks --listen. Throws InputError.
-void check_listen_address(const std::string& text) {
-  if (text.empty()) return;
-  try {
-    parse_listen_address(text);
-  } catch (const InputError& error) {
-    throw InputError("--listen {}", error.what());
-  }
-}
-
 /// The instrument to steer in a scene.
 Intervention::Options simulation_of(const ViewArguments& options, const ViewSession& scene) {
   if (scene.vessels.empty())
     throw InputError("--simulate: give --vessels, a folder that `xraycast segment` wrote");
-  check_listen_address(options.listen);
+  if (!options.listen.empty()) for_option("--listen", [&] { return parse_listen_address(options.listen); });
   return {.run = parse_run(options.run, scene.vessels), .haptic = options.haptic, .listen = options.listen};
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/progress.hpp"
 #include "xraycast/casting/map_geometry.hpp"
 #include "xraycast/scan/scan.hpp"
@@ -81,6 +82,17 @@ void add_demo(CLI::App& app, Invocation& invocation);
 /// apply WHY".
 void check_not_given(const CLI::App& command, std::initializer_list<const char*> options,
                      const std::string& why);
+
+/// What `make` returns of an option's value; its InputError gets the option's name in front, and `hint`
+/// behind.
+template <typename Make>
+auto for_option(const std::string& option, const Make& make, const std::string& hint = "") {
+  try {
+    return make();
+  } catch (const InputError& error) {
+    throw InputError("{} {}{}", option, error.what(), hint);
+  }
+}
 
 /// `640x480` or `512x512x720`, every number 1 to 65536. Throws InputError naming `option`.
 std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count, const std::string& option);

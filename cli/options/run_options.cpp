@@ -22,7 +22,7 @@ std::string check_one_model(const std::string& name) {
   std::string each = name;
   for (std::size_t at = 0; (at = each.find(',', at)) != std::string::npos;)
     each.replace(at, 1, " --device-model ");
-  return fmt::format("{}: one device an option; give --device-model {}", name, each);
+  return fmt::format("{}: one instrument an option; give --device-model {}", name, each);
 }
 
 EntryChoice parse_entry(const std::string& text) {
@@ -49,17 +49,17 @@ void add_coaxial_options(CLI::App& command, RunOptions& options) {
   CLI::Option* models = command.add_option(
       "--device-model", instrument_models,
       fmt::format(
-          "The instrument: {}, or FILE.json; repeat it for a wire in a catheter, the outermost device "
+          "The instrument: {}, or FILE.json; repeat it for a wire in a catheter, the outermost instrument "
           "first",
           fmt::join(InstrumentModel::preset_names(), ", ")));
   models->type_name("NAME")->allow_extra_args(false)->check(check_one_model);
   instrument_models.empty() ? models->required()
                             : models->default_str(fmt::format("{}", fmt::join(instrument_models, ", ")));
   command
-      .add_option("--entry", options.entry,
-                  "Vessel end where the device enters (the puncture site): the number of a branch, or the "
-                  "end nearest to a "
-                  "point in mm (LPS) (default: the most inferior end that the device fits into)")
+      .add_option(
+          "--entry", options.entry,
+          "Vessel end where the instrument enters (the puncture site): the number of a branch, or the end "
+          "nearest to a point in mm (LPS) (default: the most inferior end that the instrument fits into)")
       ->type_name("BRANCH|X,Y,Z");
 }
 

@@ -16,8 +16,8 @@ struct RunOptions {
   std::string entry{}, script{};
 };
 
-/// --device-model, which repeats, the outermost device first, and --entry: the instruments and their entry.
-/// The first is required unless `options` has a default.
+/// --device-model, which repeats, the outermost instrument first, and --entry: the instruments and their
+/// entry. The first is required unless `options` has a default.
 void add_coaxial_options(CLI::App& command, RunOptions& options);
 
 /// --script

@@ -7,12 +7,12 @@
 int main() {
   const xraycast::VesselTree tree(xraycast::make_phantom("thorax").vessel_branches(), "thorax");
   const xraycast::InstrumentModel cobra = xraycast::InstrumentModel::named("cobra-5f");
-  xraycast::Instruments devices(tree, {cobra}, xraycast::most_inferior_end(tree));
+  xraycast::Instruments instruments(tree, {cobra}, xraycast::most_inferior_end(tree));
 
-  std::array<xraycast::HubPose, 1> hubs;  // one a device
+  std::array<xraycast::HubPose, 1> hubs;  // one an instrument
   while (hubs[0].insertion_mm < 200) {
-    hubs[0].insertion_mm += 100 * devices.step_s();  // 100 mm/s
-    devices.step(hubs);
+    hubs[0].insertion_mm += 100 * instruments.step_s();  // 100 mm/s
+    instruments.step(hubs);
   }
-  std::cout << "pushed 200 mm: the hub feels " << devices.load(0).force_N << " N\n";
+  std::cout << "pushed 200 mm: the hub feels " << instruments.load(0).force_N << " N\n";
 }

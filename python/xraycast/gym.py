@@ -3,7 +3,7 @@ import numbers
 
 import numpy as np
 
-from . import Catheter, DeviceShape, InputError, VesselTree
+from . import Catheter, InputError, InstrumentShape, VesselTree
 from ._pictures import grey_range, greys, project_points
 
 try:
@@ -69,7 +69,7 @@ def _checked_view(body, view):
 
 
 class _Fluoroscope:
-    """A C-arm that stays where it is: its picture of the body, to which the devices are added. Its field is fitted to the
+    """A C-arm that stays where it is: its picture of the body, to which the instruments are added. Its field is fitted to the
     points of a tree where it is not given."""
 
     def __init__(self, body, points_mm, *, pixel_mm, centre_mm, **view):
@@ -83,32 +83,32 @@ class _Fluoroscope:
         self.frame = draw(cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=centre_mm, **view)
         self.mm_per_pixel = pixel_mm * CONE_MM[0] / CONE_MM[1]
 
-    def use(self, device):
-        """How much darker than it is a device must be to be seen, and limits that leave room for it in the darkest part."""
+    def use(self, instrument):
+        """How much darker than it is an instrument must be to be seen, and limits that leave room for it in the darkest part."""
         low, high = grey_range(self.frame.tau)
-        depth = self._usual_depth(device)
+        depth = self._usual_depth(instrument)
         self.gain = max(1.0, LEAST_LEVELS / 255 * (high - low) / depth)
         self.limits = low, high + self.gain * depth
 
-    def _usual_depth(self, device):
+    def _usual_depth(self, instrument):
         """Of a shaft as wide, and of its material, in the middle of the picture."""
         reach_mm = np.linspace(-10, 10, 8)[:, None] * self.mm_per_pixel
-        shaft = DeviceShape(self.frame.centre_mm + reach_mm * self.frame.RT[:2, :3].sum(0), device.diameter_mm)
-        rows = self.frame.absorption(devices=shaft).max(axis=1)
-        return device.per_mm / shaft.per_mm * float(np.median(rows[rows > 0]))
+        shaft = InstrumentShape(self.frame.centre_mm + reach_mm * self.frame.RT[:2, :3].sum(0), instrument.diameter_mm)
+        rows = self.frame.absorption(instruments=shaft).max(axis=1)
+        return instrument.per_mm / shaft.per_mm * float(np.median(rows[rows > 0]))
 
-    def sees(self, point_mm):
+    def shows(self, point_mm):
         column, row, depth_mm = project_points(np.array([point_mm]), self.frame.K, self.frame.RT)[0]
         rows, columns = self.frame.shape
         return depth_mm > 0 and 0 <= column < columns and 0 <= row < rows
 
-    def picture(self, device):
-        return greys(self.frame.tau + np.float32(self.gain) * self.frame.absorption(devices=device), self.limits)
+    def picture(self, instrument):
+        return greys(self.frame.tau + np.float32(self.gain) * self.frame.absorption(instruments=instrument), self.limits)
 
     def road_map(self, way_mm, arcs_mm):
         marks = np.linspace(0, arcs_mm[-1], max(4, int(arcs_mm[-1] / AHEAD_MM)))
-        way = DeviceShape(np.column_stack([np.interp(marks, arcs_mm, way_mm[:, axis]) for axis in range(3)]), ROAD_MAP_MM)
-        return np.where(self.frame.absorption(devices=way) > 0, np.uint8(255), np.uint8(0))
+        way = InstrumentShape(np.column_stack([np.interp(marks, arcs_mm, way_mm[:, axis]) for axis in range(3)]), ROAD_MAP_MM)
+        return np.where(self.frame.absorption(instruments=way) > 0, np.uint8(255), np.uint8(0))
 
 
 class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
@@ -119,7 +119,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in one step.
     max_steps: the number of steps after which an episode is truncated.
     body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as in its render or
-    project, but the field fits the tree by default. A device that would hardly be seen is drawn darker than it is.
+    project, but the field fits the tree by default. An instrument that would hardly be seen is drawn darker than it is.
 
     Action, (2,) float32 in [-1, 1]: push and turn at the hub.
     Observation, (36,) float32, mm: the tip (x, y, z), its direction (3, of length 1), 8 points on the way to the
@@ -160,7 +160,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
 
     def _check_targets_are_seen(self):
         for leaf in self.tree.leaves if self.target_given is None else [self.target_given]:
-            if not self.fluoroscope.sees(self.tree.branches[leaf][-1]):
+            if not self.fluoroscope.shows(self.tree.branches[leaf][-1]):
                 raise InputError(f"target {leaf}: lies outside of the frames; give another size, pixel_mm or centre_mm, or leave "
                                  "these out")
 

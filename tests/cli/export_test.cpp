@@ -113,10 +113,10 @@ TEST_F(Export, SimulatesTheRunAgain) {
   const std::string page = written(line, "run.html");
   const Json run = header_of(page)["run"];
   EXPECT_EQ(run["pictures"], 4);  // at 15 a second: 0, 67, 133 and 200 ms
-  ASSERT_EQ(run["devices"].size(), 1u);
-  EXPECT_EQ(run["devices"][0]["name"], "microcatheter-27f");
-  EXPECT_EQ(run["devices"][0]["force_N"].size(), 4u);
-  EXPECT_EQ(run["devices"][0]["torque_mNm"].size(), 4u);
+  ASSERT_EQ(run["instruments"].size(), 1u);
+  EXPECT_EQ(run["instruments"][0]["name"], "microcatheter-27f");
+  EXPECT_EQ(run["instruments"][0]["force_N"].size(), 4u);
+  EXPECT_EQ(run["instruments"][0]["torque_mNm"].size(), 4u);
   EXPECT_EQ(written(line, "run.html"), page);
 }
 
@@ -127,18 +127,18 @@ TEST_F(Export, SimulatesAWireInACatheter) {
       "@/map.exr --vessels @/vessels --script @/pair.csv --device-model microcatheter-27f "
       "--device-model guidewire-014-straight -o @/";
   const Json header = header_of(written(pair + "pair.html", "pair.html")),
-             &devices = header["run"]["devices"];
-  ASSERT_EQ(devices.size(), 2u);
-  EXPECT_EQ(devices[0]["parts"].size(), 1u);
-  EXPECT_EQ(devices[1]["parts"].size(), 2u);
+             &instruments = header["run"]["instruments"];
+  ASSERT_EQ(instruments.size(), 2u);
+  EXPECT_EQ(instruments[0]["parts"].size(), 1u);
+  EXPECT_EQ(instruments[1]["parts"].size(), 2u);
   for (const char* shapes : {"shapes_0_0", "shapes_1_1"})
     EXPECT_GT(header["parts"][shapes][1].get<int>(), 4 * 20)
         << shapes;  // at 4 pictures, points of some bytes
   EXPECT_THAT(written(pair + "pair.glb", "pair.glb"),
-              HasSubstr(devices[1]["name"].get<std::string>() + ", tip"));
+              HasSubstr(instruments[1]["name"].get<std::string>() + ", tip"));
 }
 
-TEST_F(Export, KeepsEveryDeviceOfASession) {
+TEST_F(Export, KeepsEveryInstrumentOfASession) {
   write_map(small_map());
   write_vessels();
   const Json nodes{{0, 0, -90}, {0, 1, -60}, {0, 0, -30}, {0, 0, 0}};
@@ -159,7 +159,7 @@ TEST_F(Export, BeginsTheRunAtTheScriptsFirstPose) {
   const std::string model = " --vessels @/vessels --device-model microcatheter-27f -o @/run.html --script ";
   const Json run = header_of(written("@/map.exr" + model + "@/deeper.csv", "run.html"))["run"];
   EXPECT_EQ(run["pictures"], 2);
-  EXPECT_NE(run["devices"][0]["force_N"][0], 0);  // it has been pushed in
+  EXPECT_NE(run["instruments"][0]["force_N"][0], 0);  // it has been pushed in
   EXPECT_EQ(header_of(written("@/map.exr" + model + "@/held.csv", "run.html"))["run"]["pictures"], 1);
 }
 
@@ -181,7 +181,7 @@ TEST_F(Export, ShowsASessionAsItWasSaved) {
   EXPECT_EQ(header["window"]["scale"], 2);
   EXPECT_EQ(header["greys"], Json({{"gamma", 1.2}, {"inverted", true}}));
   EXPECT_EQ(header["layer_weights"], Json({1, 0}));
-  EXPECT_TRUE(header["run"].is_null());  // the catheter as it stood is no film
+  EXPECT_TRUE(header["run"].is_null());  // the catheter as it stood is no run
 }
 
 TEST_F(Export, NamesNoFileOfThisMachine) {
@@ -309,7 +309,7 @@ const BadExport kBadExports[] = {
      }},
     {"Spheres", "@/map.exr -o @/page.html",
      "a page shows cylinder maps alone; cast it with --projection cylinder",
-     [](BodyMap& map) { map.geometry.projection = Projection::sphere; }},
+     [](BodyMap& map) { map.geometry.ray_layout = RayLayout::sphere; }},
     {"TooManyControlPoints", "@/map.exr --catheter @/long_catheter.csv -o @/page.html",
      "long_catheter.csv: more than 5000 lines, but an export holds a catheter of at most 5000 control "
      "points; give fewer"},
@@ -318,7 +318,7 @@ const BadExport kBadExports[] = {
      "@/map.exr --vessels @/vessels --script @/push.csv --device-model microcatheter-27f "
      "--device-model guidewire-014-straight -o @/page.html",
      "push.csv: line 1: "},
-    {"DevicesInTheWrongOrder",
+    {"InstrumentsInTheWrongOrder",
      "@/map.exr --vessels @/vessels --script @/pair.csv --device-model guidewire-014-straight "
      "--device-model microcatheter-27f -o @/page.html",
      "guidewire"},

@@ -249,7 +249,7 @@ class Fluoroscopy(unittest.TestCase):
             told = json.loads(run(command, picture, "-o", draw, *view, "--json", *options).stdout)
             return told["image"]["centre_mm"], read_float_nrrd(draw)
 
-        def filmed(*options):
+        def cine_of(*options):
             run("simulate", truth, "--device-model", "cobra-5f", "--script", script, "-o", self.folder / "log.csv", "--map",
                 body_map, "--cine", run_file, *view, *options)
             return pydicom.dcmread(run_file).pixel_array[0].astype(float)
@@ -264,7 +264,7 @@ class Fluoroscopy(unittest.TestCase):
             # The same rays, to what floats lose from another origin.
             numpy.testing.assert_allclose(other[10:, :-20], usual[:-10, 20:], atol=2e-3)
         # The same in steps of 1/256, whose rounding may differ.
-        self.assertLessEqual(abs(filmed(moved(centre_mm))[10:, :-20] - filmed()[:-10, 20:]).max(), 1)
+        self.assertLessEqual(abs(cine_of(moved(centre_mm))[10:, :-20] - cine_of()[:-10, 20:]).max(), 1)
 
     def test_a_session_keeps_its_pose_on_a_c_arm(self):
         run("phantom", "thorax", "--size", "96x96x135", "-o", self.folder / "ct.nrrd")

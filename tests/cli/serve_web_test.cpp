@@ -48,7 +48,7 @@ class ServeWeb : public testing::Test {
   void SetUp() override {
     BodyMap map = small_map();
     write_body_map(map, folder_ / "map.exr");
-    map.geometry.projection = Projection::sphere;
+    map.geometry.ray_layout = RayLayout::sphere;
     write_body_map(map, folder_ / "sphere.exr");
     std::filesystem::create_directory(folder_ / "vessels");
     write_tree(small_tree(), folder_ / "vessels" / "tree.vtp");

@@ -25,7 +25,7 @@ COMMANDS = {
     "project": "project ct.nrrd --size 1500x1500 --cone 1000,1500 -o out/p.exr",
     "compare": "compare ct.nrrd map.exr --views 12 --plot out/plot.png --pictures out/pictures",
     "render": "render map.exr --cine 0:360:2 -o out/frames",
-    "film": "render map.exr --cine 0:360:4 -o out/film.gif",
+    "cine": "render map.exr --cine 0:360:4 -o out/turn.gif",
     "segment": "segment ct.nrrd -o out/vessels --explain out/steps",
     "evidence": "segment angiogram.nrrd -o out/vessels",
     "vesselness": "vesselness ct.nrrd -o out/v.nrrd",

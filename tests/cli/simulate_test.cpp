@@ -36,8 +36,8 @@ TEST_F(SimulateCommand, NamesTheEndsThatLieAsLowAsTheEntry) {
   const Finished done = run(line);
   EXPECT_EQ(done.status, 0);
   expect_one_line(done.err,
-                  "vessel ends lie equally low, within 10 mm: the device enters at branch 1 at (-80.0, 0.0, "
-                  "0.0) mm, on the patient's right, and not at branch 2 at (80.0, 0.0, 3.0) mm, on the "
+                  "vessel ends lie equally low, within 10 mm: the instrument enters at branch 1 at (-80.0, "
+                  "0.0, 0.0) mm, on the patient's right, and not at branch 2 at (80.0, 0.0, 3.0) mm, on the "
                   "patient's left; choose by --entry 1 or --entry 2\n");
   EXPECT_THAT(done.out,
               HasSubstr("entry: end of branch 1 at (-80.0, 0.0, 0.0) mm, on the patient's right; "));
@@ -45,7 +45,7 @@ TEST_F(SimulateCommand, NamesTheEndsThatLieAsLowAsTheEntry) {
   EXPECT_EQ(json_of(line + " --entry 80,0,0")["entry_side"], "left");
 }
 
-TEST_F(SimulateCommand, DrawsTwoDevicesInARunsCine) {
+TEST_F(SimulateCommand, DrawsTwoInstrumentsInARunsCine) {
   // Wider than the little tree: a wire of 0.36 mm is less than a pixel and may lie between two.
   write_bytes(folder_ / "tree.json",
               R"({"branches": [{"id": 0, "parent": -1, "points": [[0, 0, 0, 3], [0, 0, 100, 3]]}]})");
@@ -81,7 +81,7 @@ TEST_F(SimulateCommand, ShowsARunInItsOwnTime) {
       << "ten a second, from 0 to 1 s";
 }
 
-TEST_F(SimulateCommand, SaysHowMuchContrastAgentDevicesHoldBack) {
+TEST_F(SimulateCommand, SaysHowMuchContrastAgentInstrumentsHoldBack) {
   make_run(folder_);
   const std::string rows = "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,5,0,";
   write_bytes(folder_ / "in.csv", rows + "5,0\n1,10,0,10,0\n");

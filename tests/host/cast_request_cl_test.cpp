@@ -1,4 +1,5 @@
 #include "support/reference.hpp"
+#include "support/shared_device.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/recast.hpp"
@@ -17,11 +18,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using Edges = std::vector<double>;
-
-ComputeDevice& device() {
-  static ComputeDevice device;
-  return device;
-}
 
 /// A trunk of 90 x 60 mm over a table, with a vessel beside its middle, and an arm that reaches 150 mm in a
 /// few slices.
@@ -58,8 +54,8 @@ TEST(CastRequest, OfAScanOnTheDeviceIsThatOfItsSlices) {
   Progress progress;
   for (const CastRequest& request :
        {CastRequest{}, CastRequest{.layers = 3, .radii = RadiiRule::equal_thickness, .keep_table = true},
-        CastRequest{.projection = Projection::sphere, .layers = 2, .angles = 60, .centre_mm = {1, 2, 3}},
-        CastRequest{.projection = Projection::rectangle, .views = 3},
+        CastRequest{.projection = RayLayout::sphere, .layers = 2, .angles = 60, .centre_mm = {1, 2, 3}},
+        CastRequest{.projection = RayLayout::rectangle, .views = 3},
         CastRequest{.layers = 2, .outline = ShellOutline::circle, .opacity = Spectrum::named("80")}}) {
     OutlineFinder finder = outline_finder(request, volume.geometry());
     finder.add(volume.hu());

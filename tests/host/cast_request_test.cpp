@@ -62,15 +62,15 @@ INSTANTIATE_TEST_SUITE_P(
                    "leave out `keep_table` or `outline` circle"},
         BadRequest{"ViewsOfACylinder", {.views = 8}, "`views` does not apply to `projection` cylinder"},
         BadRequest{"LayersOfARectangle",
-                   {.projection = Projection::rectangle, .layers = 8},
+                   {.projection = RayLayout::rectangle, .layers = 8},
                    "`layers` does not apply to `projection` rectangle; leave it out"},
-        BadRequest{"NoViews", {.projection = Projection::rectangle, .views = 0}, "0 views"},
+        BadRequest{"NoViews", {.projection = RayLayout::rectangle, .views = 0}, "0 views"},
         BadRequest{"CentreLineOfASphere",
-                   {.projection = Projection::sphere, .centre_line = "l.csv"},
+                   {.projection = RayLayout::sphere, .centre_line = "l.csv"},
                    "`centre_line` does not apply to `projection` sphere"},
         BadRequest{"IodineOfAnOpacity", {.iodine = "m.nrrd"}, "`iodine` m.nrrd: needs a spectrum"},
         BadRequest{"BasisOfASphere",
-                   {.projection = Projection::sphere, .knots_hu = Edges{}},
+                   {.projection = RayLayout::sphere, .knots_hu = Edges{}},
                    "only cylinder maps cast with an opacity have a basis"},
         BadRequest{"BasisOfASpectrum",
                    {.opacity = Spectrum("line", {{60, 1}}), .knots_hu = Edges{}},
@@ -79,8 +79,8 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& tested) { return tested.param.name; });
 
 TEST(CastRequest, OfNothingButDefaultsIsAccepted) {
-  for (const Projection projection : {Projection::cylinder, Projection::sphere, Projection::rectangle})
-    EXPECT_NO_THROW(check({.projection = projection}));
+  for (const RayLayout ray_layout : {RayLayout::cylinder, RayLayout::sphere, RayLayout::rectangle})
+    EXPECT_NO_THROW(check({.projection = ray_layout}));
 }
 
 TEST(CastRequest, TakesEdgesInMmAndAsShares) {

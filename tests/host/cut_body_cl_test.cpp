@@ -1,6 +1,8 @@
 // Bodies that the scan cuts off: voxels have extent, so the scan ends at the faces of its border voxels, in
 // all kernels.
+#include "support/lengths.hpp"
 #include "support/reference.hpp"
+#include "support/shared_device.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projector.hpp"
 #include "xraycast/casting/recast.hpp"
@@ -22,17 +24,6 @@ namespace xraycast::test::cut_body_cl_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
-
-/// Air is 0 and water 1 per mm, so that optical depths are lengths in mm.
-const Opacity& lengths() {
-  static const Opacity opacity("lengths", {{-1024, 0}, {0, 1}});
-  return opacity;
-}
-
-ComputeDevice& device() {
-  static ComputeDevice device;
-  return device;
-}
 
 Volume water_in(const Index3& size, const glm::dvec3& spacing_mm) {
   return make_volume(size, spacing_mm, [](const glm::dvec3&) { return 0; });
@@ -204,7 +195,7 @@ TEST(CutBody, HasTheMassesOfItsLengthUnderASpectrum) {
 RaySegment ray_of(const MapGeometry& map, int layer, int row, int column) {
   const double phi = map.phi_rad(column), theta = map.theta_rad(row), scale = map.scale(column, row);
   glm::dvec3 from(map.centre_of_row_mm(row), map.z_mm(row)), along(radial_direction(phi), 0);
-  if (map.projection == Projection::sphere) {
+  if (map.ray_layout == RayLayout::sphere) {
     from.z = map.centre_z_mm;
     along = {std::sin(theta) * along.x, std::sin(theta) * along.y, std::cos(theta)};
   }
@@ -244,7 +235,7 @@ std::vector<MapGeometry> maps_of(const VolumeGeometry& volume) {
   }
   const auto outlined = [](const MapGeometry& map) {
     std::vector<float> outline_mm;
-    for (int i = 0; i < map.width * (map.projection == Projection::sphere ? map.height : 1); ++i)
+    for (int i = 0; i < map.width * (map.ray_layout == RayLayout::sphere ? map.height : 1); ++i)
       outline_mm.push_back(static_cast<float>(map.radius_mm() * (0.9 + 0.1 * std::sin(0.3 * i))));
     return with_outline(map, outline_mm);
   };
@@ -265,7 +256,7 @@ TEST(CutBody, IsCastToItsLengthUpToTheFaces) {
         const Errors errors = errors_of(cast(scan, map, lengths(), progress).map, volume.geometry());
         // A ray ends after whole samples: half a step from the face at most, and floats.
         EXPECT_LT(errors.worst_mm, 0.5 * map.step_mm + 1e-3)
-            << text_of(volume) << ", " << to_string(map.projection);
+            << text_of(volume) << ", " << to_string(map.ray_layout);
       }
     }
 }
@@ -279,7 +270,7 @@ TEST(CutBody, IsCastWithoutBias) {
     const Errors errors = errors_of(cast(scan, map, lengths(), progress).map, volume.geometry());
     // Independent errors of up to half a step in 64 directions have a mean of 0.5 / sqrt(3 * 64) = 0.036 of
     // it.
-    EXPECT_LT(std::abs(errors.mean_mm * map.layers()), 0.12 * map.step_mm) << to_string(map.projection);
+    EXPECT_LT(std::abs(errors.mean_mm * map.layers()), 0.12 * map.step_mm) << to_string(map.ray_layout);
   }
 }
 
@@ -300,7 +291,7 @@ TEST(CutBody, IsRecastAsItIsCast) {
   const ResidentScan scan = upload(device(), volume);
   const std::vector<double> knots_hu{-1024, 0};
   for (const MapGeometry& map : maps_of(volume.geometry())) {
-    if (map.projection == Projection::sphere) continue;
+    if (map.ray_layout == RayLayout::sphere) continue;
     RecastSession session(device(), make_basis(scan, map, knots_hu, progress));
     const auto warm = session.recast(lengths()), cold = cast(scan, map, lengths(), progress).map;
     for (std::size_t i = 0; i < cold.tau.size(); ++i)

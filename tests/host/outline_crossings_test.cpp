@@ -104,7 +104,7 @@ TEST(SegmentsWithin, ARayThroughAWaistAreTwo) {
 TEST(SegmentsWithin, ASphereUnderAnOutlineOfEveryDirectionAreFoundToo) {
   // R = 50 mm everywhere, but said of every texel: the same as the circle's.
   MapGeometry sphere = outlined([](double) { return 50; });
-  sphere.projection = Projection::sphere;
+  sphere.ray_layout = RayLayout::sphere;
   sphere.outline_mm.assign(static_cast<std::size_t>(sphere.width) * sphere.height, 50);
   const View view{.lao_rad = 0.4, .centre_mm = {0, 0, 0}, .width = 81, .height = 1, .pixel_mm = 1};
   const auto segments = segments_within(view, sphere);

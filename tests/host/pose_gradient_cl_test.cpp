@@ -1,4 +1,5 @@
 #include "support/reference.hpp"
+#include "support/shared_device.hpp"
 #include "xraycast/casting/projector.hpp"
 
 #include <glm/geometric.hpp>
@@ -85,11 +86,6 @@ void expect_gradient(const PoseGradient& found, int width, int height, const Vol
   }
   // Some forty samples a ray, of two coordinates, come as near to an edge with a probability of a few 1e-4.
   EXPECT_LT(left_out, expected.size() / 20);
-}
-
-ComputeDevice& device() {
-  static ComputeDevice device;
-  return device;
 }
 
 /// Off the volume's middle, so that no ray lies on the edges of voxels.

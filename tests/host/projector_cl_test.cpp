@@ -1,4 +1,6 @@
+#include "support/lengths.hpp"
 #include "support/reference.hpp"
+#include "support/shared_device.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/projector.hpp"
 #include "xraycast/opencl/device_opacity.hpp"
@@ -23,17 +25,6 @@ namespace xraycast::test::projector_cl_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
-
-/// Air is 0 and water 1 per mm, so that optical depths are lengths in mm.
-const Opacity& lengths() {
-  static const Opacity opacity("lengths", {{-1024, 0}, {0, 1}});
-  return opacity;
-}
-
-ComputeDevice& device() {
-  static ComputeDevice device;
-  return device;
-}
 
 std::vector<float> project_rays(const Volume& volume, std::span<const RaySegment> rays,
                                 const Opacity& opacity = lengths(),

@@ -57,7 +57,7 @@ TEST(RaysWithin, RunTowardsTheDetector) {
 
 TEST(RaysWithin, SphereAreItsChords) {
   MapGeometry sphere = map();
-  sphere.projection = Projection::sphere;
+  sphere.ray_layout = RayLayout::sphere;
   sphere.centre_z_mm = 5;
   const View view{.cranial_rad = 0.5, .centre_mm = {10, 20, 5}, .width = 61, .height = 1, .pixel_mm = 1};
   EXPECT_NEAR(length_mm(rays_within(view, sphere)[0]), 2 * std::sqrt(2500 - 900), kRounding);

@@ -1,4 +1,5 @@
 #include "support/reference.hpp"
+#include "support/shared_device.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/recast.hpp"
@@ -18,11 +19,6 @@ namespace {
 // Of the map's largest value. What the weights' rounding costs is bounded test by test; this is for the
 // floats that a cold cast sums up, as in caster_cl_test.
 constexpr double kFloat = 1e-5;
-
-ComputeDevice& device() {
-  static ComputeDevice device;
-  return device;
-}
 
 struct Case {
   const char* name;

@@ -1,4 +1,5 @@
 #include "support/reference.hpp"
+#include "support/shared_device.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
 
@@ -16,11 +17,6 @@ constexpr std::size_t kWater = 0, kBone = 1, kIodine = 2;
 
 // A ray adds up some hundred products of 24-bit floats.
 constexpr double kFloat = 1e-5;
-
-ComputeDevice& device() {
-  static ComputeDevice device;
-  return device;
-}
 
 /// The contents of a voxel, in g/cm3.
 std::array<double, kMaterials.size()> g_cm3(double native_hu, double enhancement_hu = 0) {

@@ -1,4 +1,5 @@
 // Maps of the projections sphere and rectangle, and cylinders about a line.
+#include "support/lengths.hpp"
 #include "support/reference.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/caster.hpp"
@@ -13,11 +14,6 @@
 
 namespace xraycast::test::sphere_cl_test {
 namespace {
-
-const Opacity& lengths() {  // water is 1 per mm, so that depths are mm of water
-  static const Opacity opacity("lengths", {{-1024, 0}, {0, 1}});
-  return opacity;
-}
 
 std::vector<float> cast_map(const Volume& volume, const MapGeometry& geometry,
                             ScanStorage storage = ScanStorage::bricks) {

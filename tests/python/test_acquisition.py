@@ -1,4 +1,4 @@
-"""Frames of a fluoroscope, with vessels and devices; the learning environment and training frames draw them alike."""
+"""Frames of a fluoroscope, with vessels and instruments; the learning environment and training frames draw them alike."""
 import json
 
 import numpy as np
@@ -90,8 +90,8 @@ def test_vessels_of_any_kind_attenuate(map_, body, tree, tmp_path):
     np.testing.assert_allclose(drr.tau, body.project(**POSE).tau + drr.absorption(vessels=tree, contrast_mg_ml=300), atol=1e-5)
 
 
-def test_devices_have_their_own_diameters_and_materials(map_, tree, wire):
-    pair = xc.CoaxialDevices(tree, ["guide-6f", "guidewire-014-straight"])
+def test_instruments_have_their_own_diameters_and_materials(map_, tree, wire):
+    pair = xc.CoaxialInstruments(tree, ["guide-6f", "guidewire-014-straight"])
     guide, thin = pair.shapes
     assert guide.diameter_mm == pytest.approx(2.0, abs=0.15) and not guide.is_wire
     assert thin.diameter_mm == pytest.approx(0.356, abs=0.01) and thin.is_wire
@@ -99,11 +99,11 @@ def test_devices_have_their_own_diameters_and_materials(map_, tree, wire):
     np.testing.assert_array_equal(wire.shape.nodes_mm, wire.nodes_mm)
     fine = {**POSE, "pixel_mm": 0.3, "centre_mm": (0, 0, -100)}
     bare = map_.render(**fine)
-    depths = bare.absorption(devices=wire)
+    depths = bare.absorption(instruments=wire)
     columns = (depths[40] > 0).sum()
     # The wire's width on the detector, in pixels, and one more where it covers parts of two.
     assert columns == pytest.approx(0.889 * 1200 / 785 / 0.3, abs=1.5)
-    np.testing.assert_allclose(map_.render(**fine, devices=[wire]).tau, bare.tau + depths, atol=1e-5)
+    np.testing.assert_allclose(map_.render(**fine, instruments=[wire]).tau, bare.tau + depths, atol=1e-5)
 
 
 def test_the_environments_pixels_are_renders(map_, tree):
@@ -117,7 +117,7 @@ def test_the_environments_pixels_are_renders(map_, tree):
     scope = env.fluoroscope
     frame = scope.frame
     with_wire = map_.render(lao=0, size=(64, 64), cone_mm=frame.cone_mm, pixel_mm=frame.pixel_mm, centre_mm=frame.centre_mm,
-                            devices=env.run)
+                            instruments=env.run)
     depths = with_wire.tau - frame.tau
     picture = greys(frame.tau + np.float32(scope.gain) * depths, scope.limits)
     # The subtraction rounds: by a grey at most.
@@ -125,7 +125,7 @@ def test_the_environments_pixels_are_renders(map_, tree):
     assert (depths > 0.01).sum() > 20
 
 
-def test_training_frames_are_projections_with_the_device(tmp_path, tree):
+def test_training_frames_are_projections_with_the_instrument(tmp_path, tree):
     Image = pytest.importorskip("PIL.Image")
     from xraycast._pictures import grey_range, greys
     from xraycast.cohort import frames
@@ -145,7 +145,7 @@ def test_training_frames_are_projections_with_the_device(tmp_path, tree):
     finally:
         frames.CatheterRun.next_shape = take
     for number, shape in enumerate(shapes):
-        frame = scan.project(size=(64, 64), cone_mm=frames.CONE_MM, devices=shape)
+        frame = scan.project(size=(64, 64), cone_mm=frames.CONE_MM, instruments=shape)
         written = np.array(Image.open(tmp_path / "frames" / f"{number:04}.png"))
         # Sums of floats in another order: by a grey at most.
         assert np.abs(written.astype(int) - greys(frame.tau, grey_range(frame.tau))).max() <= 1
@@ -169,8 +169,8 @@ def test_fluoroscopes_that_cannot_be_are_refused(arguments, words):
 @pytest.mark.parametrize("arguments, words", [
     (dict(look="x"), "^look x: must be fluoro, surface or dsa"), (dict(look="dsa"), "^look dsa: there are no vessels"),
     (dict(look="surface"), "there is nothing to shade"), (dict(compositing="x"), "unknown compositing"),
-    (dict(fluoroscope="fixed-single-plane"), "^fluoroscope: must be a Fluoroscope"), (dict(devices=5), "^devices: must be"),
-    (dict(devices="cobra-5f"), "^devices: must be"), (dict(vessels="nowhere.vtp"), "no such file"),
+    (dict(fluoroscope="fixed-single-plane"), "^fluoroscope: must be a Fluoroscope"), (dict(instruments=5), "^instruments: must be"),
+    (dict(instruments="cobra-5f"), "^instruments: must be"), (dict(vessels="nowhere.vtp"), "no such file"),
     (dict(vessels=".", contrast_mg_ml=-1), "^contrast_mg_ml -1: must be 0 to 400"),
 ])
 def test_pictures_that_cannot_be_are_refused(map_, arguments, words):
@@ -180,7 +180,7 @@ def test_pictures_that_cannot_be_are_refused(map_, arguments, words):
 
 def test_matrices_place_no_c_arm(body, tree):
     frame = body.project(**POSE)
-    for more, words in ((dict(fluoroscope=xc.Fluoroscope()), "fluoroscope: K and RT"), (dict(vessels=tree), "vessels and devices: K")):
+    for more, words in ((dict(fluoroscope=xc.Fluoroscope()), "fluoroscope: K and RT"), (dict(vessels=tree), "vessels and instruments: K")):
         with pytest.raises(xc.InputError, match=words):
             body.project(K=frame.K, RT=frame.RT, size=(96, 80), **more)
     with pytest.raises(xc.InputError, match="have no gradient"):
@@ -188,4 +188,4 @@ def test_matrices_place_no_c_arm(body, tree):
     with pytest.raises(xc.InputError, match="take no spectrum"):
         body.project(**POSE, vessels=tree, opacity="spectrum:80")
     with pytest.raises(xc.InputError, match="nodes_mm: must be at least 4 points"):
-        xc.DeviceShape([(0, 0, 0)], 1.0)
+        xc.InstrumentShape([(0, 0, 0)], 1.0)

@@ -17,7 +17,7 @@ CASES = {
                             "1. use_device(name: str) -> None Invoked with types: kwargs = { a, b: int }"),
     "given twice": (lambda box: box.cast(1, layers=2), "cast: layers is given twice"),
     "missing": (lambda box: xc.use_device(), "use_device: name is missing; it takes str"),
-    "missing in a class": (lambda box: xc.CoaxialDevices(), "CoaxialDevices: tree is missing; it takes VesselTree"),
+    "missing in a class": (lambda box: xc.CoaxialInstruments(), "CoaxialInstruments: tree is missing; it takes VesselTree"),
     "missing of any type": (lambda box: xc.open(), "open: path is missing; it takes a value"),
     "too many": (lambda box: box.cast(1, 2, 3), "cast: takes 2 arguments by position, but was given 3"),
     "by position": (lambda box: xc.Fluoroscope("cine"), "Fluoroscope: takes 0 arguments by position, but was given 1"),

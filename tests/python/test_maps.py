@@ -51,6 +51,21 @@ def test_maps_and_bases_are_written_and_read(body, tmp_path):
     assert map_._repr_png_().startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize("precision", ["half", "byte"])
+def test_a_map_is_written_in_a_precision(body, tmp_path, precision):
+    map_ = body.cast(layers=2)
+    map_.write(tmp_path / "map.exr", precision=precision)
+    stored = xc.BodyMap.read(tmp_path / "map.exr")
+    for layer, tau in zip(stored.tau, map_.tau):
+        # 16-bit floats have 11 significant bits; bytes are rounded to a 255th of the layer's range of values.
+        tolerance = 2**-11 * tau.max() if precision == "half" else 0.501 / 255 * (tau.max() - tau.min())
+        assert 0 < np.abs(layer - tau).max() <= tolerance
+    stored.write(tmp_path / "again.exr")
+    assert (tmp_path / "again.exr").read_bytes() == (tmp_path / "map.exr").read_bytes()
+    with pytest.raises(xc.InputError, match="unknown precision 'double'; choose float, half or byte"):
+        map_.write(tmp_path / "map.exr", precision="double")
+
+
 @pytest.mark.parametrize("arguments, words", [
     (dict(layers=0), "layers"), (dict(layers=5000), "layers 5000: must be 1 to 256"), (dict(outline="square"), "outline"),
     (dict(angles=0), "angles"),

@@ -23,7 +23,7 @@ def names(tmp_path_factory):
         "np": np, "xc": xc, "nan": nan, "inf": inf, "pickle": pickle, "box": box, "tree": tree, "recursive": recursive,
         "hu": np.zeros((5, 6, 7), np.int16), "S": xc.Scan.from_array, "map_": box.cast(layers=2), "frame": box.project(size=(8, 8)),
         "frames": box.project(lao=[1, 2], size=(8, 8)), "run": xc.Catheter(tree, "cobra-5f"),
-        "pair": xc.CoaxialDevices(tree, ["cobra-5f", "guidewire-035-j"]), "folder": tmp_path_factory.mktemp("misuse"),
+        "pair": xc.CoaxialInstruments(tree, ["cobra-5f", "guidewire-035-j"]), "folder": tmp_path_factory.mktemp("misuse"),
         "line": [(0, 0, z) for z in range(4)], "Empty": type("Empty", (xc.VesselTree,), {"__init__": lambda self: None}),
     }
 
@@ -92,16 +92,16 @@ box.project(vessels=box)
 box.project(vessels=Empty())
 box.project(vessels=tree, contrast_mg_ml=nan)
 box.project(vessels=tree, contrast_mg_ml=-1)
-box.project(devices=[1, 2])
-box.project(devices=b"abc")
-box.project(devices=recursive)
-box.project(devices=xc.DeviceShape(line, 1e9))
+box.project(instruments=[1, 2])
+box.project(instruments=b"abc")
+box.project(instruments=recursive)
+box.project(instruments=xc.InstrumentShape(line, 1e9))
 box.project(fluoroscope=3)
 map_.render(look="x")
-xc.DeviceShape([(nan, 0, 0)] * 4, 1)
-xc.DeviceShape(line[:3], 1)
-xc.DeviceShape(line, nan)
-xc.DeviceShape(line, inf)""",
+xc.InstrumentShape([(nan, 0, 0)] * 4, 1)
+xc.InstrumentShape(line[:3], 1)
+xc.InstrumentShape(line, nan)
+xc.InstrumentShape(line, inf)""",
     "casts": """box.cast(progress=3)
 box.cast(progress=int)
 box.cast(radius_mm=nan)
@@ -161,7 +161,7 @@ xc.VesselTree([([(0, 0, 0, 1), (0, 0, 1, 1)], 2**40)])
 xc.VesselTree([([(0, 0, 0, 1), (0, 0, 0, 1)], -1)])
 xc.VesselTree([([(1e300, 0, 0, 1), (-1e300, 0, 1, 1)], -1)])
 len(Empty())""",
-    "devices": """run.step(push_mm=nan)
+    "instruments": """run.step(push_mm=nan)
 run.step(turn_deg=inf)
 run.step(ms=0)
 run.step(ms=-1)
@@ -173,8 +173,8 @@ xc.Catheter(tree, "cobra-5f", entry=99)
 xc.Catheter(tree, "cobra-5f", entry=-1)
 xc.Catheter(tree, "cobra-5f", entry="x")
 xc.Catheter(Empty(), "cobra-5f")
-xc.CoaxialDevices(tree, [])
-xc.CoaxialDevices(tree, ["cobra-5f"] * 9)
+xc.CoaxialInstruments(tree, [])
+xc.CoaxialInstruments(tree, ["cobra-5f"] * 9)
 pair.step(push_mm=[1, 2, 3])
 pair.step(push_mm=[nan, 0])
 pair.nodes_mm(7)
@@ -241,7 +241,7 @@ def test_what_frames_share_lives_as_long_as_they_do(names):
 def test_threads_share_every_object(names):
     box, map_, run, pair = names["box"], names["map_"], names["run"], names["pair"]
     calls = [lambda: run.step(push_mm=0.1, ms=5), lambda: run.step(turn_deg=1, ms=5), lambda: run.nodes_mm, lambda: run.shape,
-             lambda: map_.render(devices=run, size=(32, 32)), lambda: box.project(devices=run, size=(32, 32)), lambda: pickle.dumps(map_),
+             lambda: map_.render(instruments=run, size=(32, 32)), lambda: box.project(instruments=run, size=(32, 32)), lambda: pickle.dumps(map_),
              lambda: pair.step(ms=3), lambda: pair.exchange(1, "guidewire-035-j"), lambda: pair.shapes, lambda: pair.has_free_lumen(0)]
     failures = []
 

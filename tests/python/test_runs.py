@@ -104,7 +104,7 @@ def test_bad_arguments_are_named(tree, small_map, tmp_path):
     with pytest.raises(xc.InputError, match="^script: row 2: time_s 0.0 is not later than 0.0, that of row 1|row 1"):
         xc.simulate(tree, ["cobra-5f"], [(0, 0, 0), (0, 1, 0)])
     for instruments in ("cobra-5f", None, 3):
-        with pytest.raises(xc.InputError, match="^instruments: must be a list of devices"):
+        with pytest.raises(xc.InputError, match="^instruments: must be a list of instruments"):
             xc.simulate(tree, instruments, [(0, 0, 0)])
     for interval_s in (-1, 1e-4, float("nan"), float("inf")):
         with pytest.raises(xc.InputError, match="^interval_s .*: must be 0"):
@@ -117,12 +117,12 @@ def test_bad_arguments_are_named(tree, small_map, tmp_path):
         xc.export(small_map, tmp_path / "page.html", precision="single")
 
 
-def test_a_run_is_plotted_device_by_device(tree):
+def test_a_run_is_plotted_instrument_by_instrument(tree):
     run = xc.simulate(tree, ["microcatheter-27f", "guidewire-014-angled"], [(0, 0, 0, 0, 0), (1, 5, 0, 25, 0)], interval_s=0.1)
-    plots = [run.plot(), run.plot(device=1)]
+    plots = [run.plot(), run.plot(instrument=1)]
     assert all(plot.shape == (560, 900, 3) and plot.dtype == np.uint8 for plot in plots)
     assert not np.array_equal(*plots)
-    with pytest.raises(xc.InputError, match="^device 2: must be 0 to 1"):
+    with pytest.raises(xc.InputError, match="^instrument 2: must be 0 to 1"):
         run.plot(2)
 
 

@@ -68,7 +68,7 @@ def test_steps_that_are_none_are_rejected(tube, arguments, words):
 
 
 def test_a_wire_is_moved_in_a_catheter_and_exchanged(tube):
-    run = xc.CoaxialDevices(tube, ["vertebral-5f", "guidewire-035-angled"])
+    run = xc.CoaxialInstruments(tube, ["vertebral-5f", "guidewire-035-angled"])
     assert len(run) == 2 and run.models == ["vertebral-5f", "guidewire-035-angled"]
     outer, inner = run.step(push_mm=(30, 60), turn_deg=(0, 90), ms=600)
     assert outer.insertion_mm == pytest.approx(30) and inner.insertion_mm == pytest.approx(60)
@@ -83,30 +83,30 @@ def test_a_wire_is_moved_in_a_catheter_and_exchanged(tube):
     assert run.models[1] == "exchange-035-stiff" and run.has_free_lumen(0)
 
 
-def test_coaxial_devices_are_checked(tube):
+def test_coaxial_instruments_are_checked(tube):
     with pytest.raises(xc.InputError, match="does not fit into the lumen"):
-        xc.CoaxialDevices(tube, ["microcatheter-24f", "guidewire-035-j"])
-    with pytest.raises(xc.InputError, match="0 devices; give one to 3"):
-        xc.CoaxialDevices(tube, [])
+        xc.CoaxialInstruments(tube, ["microcatheter-24f", "guidewire-035-j"])
+    with pytest.raises(xc.InputError, match="0 instruments; give one to 3"):
+        xc.CoaxialInstruments(tube, [])
     with pytest.raises(xc.InputError, match="must be a list"):
-        xc.CoaxialDevices(tube, "cobra-5f")
-    run = xc.CoaxialDevices(tube, ["cobra-5f", "guidewire-035-j"])
+        xc.CoaxialInstruments(tube, "cobra-5f")
+    run = xc.CoaxialInstruments(tube, ["cobra-5f", "guidewire-035-j"])
     for models in (None, 3):
         with pytest.raises(xc.InputError, match="^models: must be a list"):
-            xc.CoaxialDevices(tube, models)
-    with pytest.raises(xc.InputError, match=r"^models\[1\]: must be the name of a device"):
-        xc.CoaxialDevices(tube, ["cobra-5f", 3])
+            xc.CoaxialInstruments(tube, models)
+    with pytest.raises(xc.InputError, match=r"^models\[1\]: must be the name of an instrument"):
+        xc.CoaxialInstruments(tube, ["cobra-5f", 3])
     for model in (None, 3):
-        with pytest.raises(xc.InputError, match="^model: must be the name of a device"):
+        with pytest.raises(xc.InputError, match="^model: must be the name of an instrument"):
             run.exchange(1, model)
     for push_mm in ([1], 3, [[1, 2]]):
-        with pytest.raises(xc.InputError, match="^push_mm: must be 2 numbers, one a device"):
+        with pytest.raises(xc.InputError, match="^push_mm: must be 2 numbers, one an instrument"):
             run.step(push_mm=push_mm)
     with pytest.raises(xc.InputError, match="^push_mm: must be numbers$"):
         run.step(push_mm=["a", 1])
     with pytest.raises(xc.InputError, match="turn_deg: holds nan; all numbers must be finite"):
         run.step(turn_deg=[0, float("nan")])
-    with pytest.raises(xc.InputError, match="device 2: must be 0 to 1"):
+    with pytest.raises(xc.InputError, match="instrument 2: must be 0 to 1"):
         run.nodes_mm(2)
 
 

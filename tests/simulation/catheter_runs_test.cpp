@@ -28,21 +28,21 @@ namespace {
 using Eigen::Vector3d;
 
 /// One of the presets that leave a third of the entry free and are thinner than most of the tree's vessels.
-InstrumentModel fitting_device(const VesselTree& tree, const VesselEnd& entry, std::mt19937& random) {
+InstrumentModel fitting_instrument(const VesselTree& tree, const VesselEnd& entry, std::mt19937& random) {
   std::vector<double> radii_mm;
   for (const VesselBranch& branch : tree.branches()) radii_mm.push_back(branch.points.back().radius_mm);
   std::ranges::nth_element(radii_mm, radii_mm.begin() + static_cast<std::ptrdiff_t>(radii_mm.size() / 2));
   const double widest_mm = std::min(entry.radius_mm / 1.5, radii_mm[radii_mm.size() / 2]);
   std::vector<InstrumentModel> fit;
   for (const char* name : {"guidewire-035-j", "pigtail-5f", "cobra-5f", "simmons2-5f", "microcatheter-27f"})
-    if (InstrumentModel device = InstrumentModel::named(name); device.radius_mm() < widest_mm)
-      fit.push_back(std::move(device));
+    if (InstrumentModel instrument = InstrumentModel::named(name); instrument.radius_mm() < widest_mm)
+      fit.push_back(std::move(instrument));
   if (fit.empty()) return InstrumentModel::named("microcatheter-27f");  // the thinnest one
   return fit.at(random() % fit.size());
 }
 
 struct Outcome {
-  std::string tree, device;
+  std::string tree, instrument;
   unsigned seed = 0;
   bool is_finite = true;
   int steps = 0, unsolved = 0;  ///< the latter came to the bound of Newton's iterations
@@ -59,10 +59,10 @@ class RandomRun {
   RandomRun(const VesselTree& tree, const std::string& name, unsigned seed)
       : random_(seed),
         entry_(widest_end(tree)),
-        catheter_(tree, {fitting_device(tree, entry_, random_)}, entry_) {
+        catheter_(tree, {fitting_instrument(tree, entry_, random_)}, entry_) {
     run_.tree = name;
     run_.seed = seed;
-    run_.device = catheter_.rod(0).instrument().name();
+    run_.instrument = catheter_.rod(0).instrument().name();
   }
 
   Outcome go() {
@@ -94,7 +94,7 @@ class RandomRun {
   }
 
   /// How deep a point of the rod would lie in the wall at rest under what presses it there now, or in a
-  /// vessel that is narrower than the device, by as much at least.
+  /// vessel that is narrower than the instrument, by as much at least.
   double static_depth_mm(std::size_t index) const {
     const WallContact::Contact& contact = catheter_.wall(0).contacts()[index];
     const LumenDistanceField::Sample& sample = contact.sample;
@@ -189,11 +189,12 @@ void write_table(const std::vector<Outcome>& runs) {
   const char* folder = std::getenv("XRAYCAST_RUNS_TABLES");
   if (!folder || runs.empty()) return;
   std::ofstream table(fs::path(folder) / (runs.front().tree + ".csv"));
-  table << "seed,tree,device,finite,deepest_mm,beyond_static_mm,contacts,energy_growth,return_mm,real_time,"
-           "unsolved\n";
+  table
+      << "seed,tree,instrument,finite,deepest_mm,beyond_static_mm,contacts,energy_growth,return_mm,real_time,"
+         "unsolved\n";
   for (const Outcome& run : runs)
     table << fmt::format("{},{},{},{},{:.4f},{:.5f},{},{:.2e},{:.4f},{:.3f},{}\n", run.seed, run.tree,
-                         run.device, run.is_finite, run.deepest_mm, run.beyond_static_mm, run.contacts,
+                         run.instrument, run.is_finite, run.deepest_mm, run.beyond_static_mm, run.contacts,
                          run.energy_growth, run.return_mm, run.real_time, run.unsolved);
 }
 
@@ -206,7 +207,7 @@ TEST_P(RandomScripts, BreakNothing) {
   for (const unsigned seed : seeds_a_tree(100)) {
     runs.push_back(RandomRun(*tree, GetParam(), seed).go());
     const Outcome& run = runs.back();
-    const std::string where = fmt::format("seed {}: {} in {}", run.seed, run.device, run.tree);
+    const std::string where = fmt::format("seed {}: {} in {}", run.seed, run.instrument, run.tree);
     EXPECT_TRUE(run.is_finite) << where;
     // Rounding, which the line search admits.
     EXPECT_LT(run.energy_growth, 1e-9) << where;

@@ -1,4 +1,4 @@
-// Curved tips that come out at the end of another device and are drawn back into it.
+// Curved tips that come out at the end of another instrument and are drawn back into it.
 #include "xraycast/coaxial/coaxial_rods.hpp"
 
 #include <fmt/format.h>

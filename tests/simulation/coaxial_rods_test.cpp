@@ -117,7 +117,7 @@ struct Shape {
   double friction = 0, axial_N = 2000;
 };
 
-InstrumentModel device(const char* name, const Shape& shape) {
+InstrumentModel model(const char* name, const Shape& shape) {
   const auto section = [&](double length_mm, double curvature_per_mm) {
     return InstrumentSection{.length_mm = length_mm,
                              .bending_stiffness_Nmm2 = {shape.bending_Nmm2, shape.bending_Nmm2},
@@ -159,8 +159,8 @@ std::string text_of(const Spacings& spacings) {
 CoaxialRods pair_of(const Shape& tube, const Shape& wire, double tube_fed_mm, double wire_fed_mm,
                     const Spacings& spacings = {}) {
   std::vector<Rod> rods;
-  rods.push_back(rod_of(device("tube", tube), spacings.tube_mm, tube_fed_mm));
-  rods.push_back(rod_of(device("wire", wire), spacings.wire_mm, wire_fed_mm));
+  rods.push_back(rod_of(model("tube", tube), spacings.tube_mm, tube_fed_mm));
+  rods.push_back(rod_of(model("wire", wire), spacings.wire_mm, wire_fed_mm));
   return CoaxialRods(std::move(rods));
 }
 
@@ -168,7 +168,9 @@ void settle(CoaxialRods& rods, int steps = 100) {
   for (int i = 0; i < steps; ++i) rods.step(kStill_s);
 }
 
-Vector3d tip(const CoaxialRods& rods, std::size_t device) { return rods.rod(device).state().nodes_mm.back(); }
+Vector3d tip(const CoaxialRods& rods, std::size_t instrument) {
+  return rods.rod(instrument).state().nodes_mm.back();
+}
 
 // ---- derivatives ----------------------------------------------------------------------------------------
 
@@ -256,9 +258,9 @@ TEST(CoaxialRods, ThreeBendWithTheSumOfTheirStiffnesses) {
   const Shape guide{.radius_mm = 1.3, .inner_radius_mm = 0.9, .bending_Nmm2 = 400};
   const std::array<double, 3> stiffnesses_Nmm2{guide.bending_Nmm2, kTube.bending_Nmm2, kWire.bending_Nmm2};
   std::vector<Rod> three;
-  three.push_back(rod_of(device("guide", guide), 4, 100));
-  three.push_back(rod_of(device("tube", kTube), 2.5, 100));
-  three.push_back(rod_of(device("wire", kWire), 1.5, 100));
+  three.push_back(rod_of(model("guide", guide), 4, 100));
+  three.push_back(rod_of(model("tube", kTube), 2.5, 100));
+  three.push_back(rod_of(model("wire", kWire), 1.5, 100));
   CoaxialRods rods(std::move(three));
   const double sum_Nmm2 = stiffnesses_Nmm2[0] + stiffnesses_Nmm2[1] + stiffnesses_Nmm2[2],
                load_N = 0.05 * 3 * sum_Nmm2 / 1e4;
@@ -286,7 +288,7 @@ TEST(CoaxialRods, EachTwistsByItsOwnStiffness) {
   EXPECT_NEAR(twist_rad(1), -1 * 98.75 / kWire.torsion_Nmm2, 0.01);
 }
 
-/// The curvature in the middle of a device's length from `from_mm` to `to_mm`, by the turn of its edges.
+/// The curvature in the middle of an instrument's length from `from_mm` to `to_mm`, by the turn of its edges.
 double curvature_per_mm(const Rod& rod, double from_mm, double to_mm) {
   double turn = 0, length_mm = 0;
   for (std::size_t i = 1; i + 1 < rod.node_count(); ++i) {
@@ -356,7 +358,7 @@ TEST(CoaxialRods, CapstanInALumenHoldsByTheExponentialOfItsAngle) {
   wire.friction = kFriction;
   std::vector<Rod> rods;
   rods.push_back(rod_of(bent, 2.5, bent.length_mm()));
-  rods.push_back(rod_of(device("wire", wire), 2.5, bent.length_mm() + 10));
+  rods.push_back(rod_of(model("wire", wire), 2.5, bent.length_mm() + 10));
   CoaxialRods both(std::move(rods));
   settle(both, 200);
   both.set_load_N(1, 0, kTail_N * both.rod(0).state().edges.back().tangent);

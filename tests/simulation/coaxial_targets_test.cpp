@@ -28,11 +28,11 @@ const Target kTargets[] = {{"left-carotid", "vertebral-5f", {28, -5, 357}},
                            {"right-subclavian", "vertebral-5f", {-124, -6, 236}},
                            {"left-renal", "cobra-5f", {53, 37, -43}},
                            {"right-renal", "cobra-5f", {-52, 36, -58}}};
-constexpr std::size_t kDevices = 2;
+constexpr std::size_t kInstruments = 2;
 
 Script script_of(const Target& target) {
   return Script::read(fmt::format("{}/examples/steering/{}.csv", XRAYCAST_SOURCE_DIR, target.script),
-                      kDevices);
+                      kInstruments);
 }
 
 /// The script with other poses; the first row's are those at the entry.
@@ -40,13 +40,13 @@ Script changed(const Script& script, const std::function<HubPose(HubPose)>& chan
   std::string csv = "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n";
   for (const Script::Row& row : script.rows()) {
     csv += fmt::format("{}", row.time_s);
-    for (std::size_t d = 0; d < kDevices; ++d) {
+    for (std::size_t d = 0; d < kInstruments; ++d) {
       const HubPose pose = row.time_s > 0 ? change(row.pose_of(d)) : row.pose_of(d);
       csv += fmt::format(",{},{}", pose.insertion_mm, pose.rotation_rad * 180 / std::numbers::pi);
     }
     csv += '\n';
   }
-  return Script::parse(csv, "changed", kDevices);
+  return Script::parse(csv, "changed", kInstruments);
 }
 
 /// Whether the catheter's tip ends in the artery.

@@ -1,4 +1,4 @@
-// Where a device comes into a vessel tree.
+// Where an instrument comes into a vessel tree.
 #include "xraycast/base/error.hpp"
 #include "xraycast/catheter/vessel_entry.hpp"
 #include "xraycast/coaxial/instruments.hpp"
@@ -19,17 +19,17 @@ VesselTree forked() {
   return {branches, "forked"};
 }
 
-TEST(Entry, IsTheMostInferiorEndThatTheDeviceFitsInto) {
+TEST(Entry, IsTheMostInferiorEndThatTheInstrumentFitsInto) {
   EXPECT_EQ(most_inferior_end(forked()).branch, 1);
   EXPECT_EQ(find_entry(forked(), {}, InstrumentModel::named("cobra-5f")).branch, 2);
   EXPECT_EQ(find_entry(forked(), {}, InstrumentModel::named("microcatheter-27f")).branch, 1);
 }
 
 TEST(Entry, IsTheEndOfABranchOrTheNearestOneToAPoint) {
-  const InstrumentModel device = InstrumentModel::named("cobra-5f");
-  EXPECT_TRUE(find_entry(forked(), {0}, device).at_start);
-  EXPECT_EQ(find_entry(forked(), {1}, device).branch, 1);
-  EXPECT_EQ(find_entry(forked(), {glm::dvec3(-20, 10, 0)}, device).branch, 2);
+  const InstrumentModel instrument = InstrumentModel::named("cobra-5f");
+  EXPECT_TRUE(find_entry(forked(), {0}, instrument).at_start);
+  EXPECT_EQ(find_entry(forked(), {1}, instrument).branch, 1);
+  EXPECT_EQ(find_entry(forked(), {glm::dvec3(-20, 10, 0)}, instrument).branch, 2);
 }
 
 /// Two iliac arteries with ends at these heights, and a thin branch beside them.
@@ -44,11 +44,11 @@ VesselTree pelvis(double right_z_mm, double left_z_mm) {
   return {branches, "pelvis"};
 }
 
-TEST(Entry, HasOthersAboutAsLowThatTheDeviceFitsInto) {
-  const InstrumentModel device = InstrumentModel::named("cobra-5f");
+TEST(Entry, HasOthersAboutAsLowThatTheInstrumentFitsInto) {
+  const InstrumentModel instrument = InstrumentModel::named("cobra-5f");
   const auto others = [&](const VesselTree& tree) {
     std::vector<int> branches;
-    for (const VesselEnd& end : equally_low_ends(tree, find_entry(tree, {}, device), device))
+    for (const VesselEnd& end : equally_low_ends(tree, find_entry(tree, {}, instrument), instrument))
       branches.push_back(end.branch);
     return branches;
   };
@@ -82,10 +82,10 @@ TEST(Entry, OfAnUprightVesselHasNoSide) {
 }
 
 TEST(Entry, ThatDoesNotExistIsNamed) {
-  const InstrumentModel device = InstrumentModel::named("cobra-5f");
+  const InstrumentModel instrument = InstrumentModel::named("cobra-5f");
   const auto message = [&](const EntryChoice& choice) -> std::string {
     try {
-      find_entry(forked(), choice, device);
+      find_entry(forked(), choice, instrument);
       return "";
     } catch (const InputError& error) {
       return error.what();
@@ -98,9 +98,9 @@ TEST(Entry, ThatDoesNotExistIsNamed) {
 
 TEST(Entry, ThatIsTooNarrowNamesOthersThatAreNot) {
   const VesselTree tree = forked();
-  const InstrumentModel device = InstrumentModel::named("cobra-5f");
+  const InstrumentModel instrument = InstrumentModel::named("cobra-5f");
   try {
-    const Instruments catheter(tree, {device}, find_entry(tree, {1}, device));
+    const Instruments catheter(tree, {instrument}, find_entry(tree, {1}, instrument));
     FAIL();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("cobra-5f: its diameter of 1.67 mm (5 F) does not fit into "

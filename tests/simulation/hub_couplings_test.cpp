@@ -122,7 +122,7 @@ TEST(HubCouplings, WhereOneIsOutOrAtItsEndNoneGoesOn) {
 class Sensing final : public HapticDevice {
  public:
   HandPose pose(std::size_t) override { return {{10, 0}, ++count_}; }
-  void feel(std::size_t hub, const HubLoad& load) override { felt.at(hub) = load; }
+  void set_load(std::size_t hub, const HubLoad& load) override { felt.at(hub) = load; }
   void go_on_from(std::size_t, const HubPose&) override {}
   std::string status() const override { return "sensing"; }
 
@@ -157,19 +157,20 @@ TEST(HubCouplings, TheHandFeelsTheLoadsOfAllThatIsLocked) {
 TEST(HubCouplings, AWireThatIsDrawnBackRests) {
   // It sticks in the catheter that was pushed over it: stiff at its hub, whose load comes a step late.
   const VesselTree tree{make_phantom("thorax").vessel_branches(), "thorax"};
-  Instruments devices(tree, {InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-j")},
-                      nearest_end(tree, {-89, -54, -357}));
+  Instruments instruments(tree,
+                          {InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-j")},
+                          nearest_end(tree, {-89, -54, -357}));
   ManualDevice hand{"keyboard"};
-  HubCouplings couplings{hand, {devices.max_insertion_mm(0), devices.max_insertion_mm(1)}};
+  HubCouplings couplings{hand, {instruments.max_insertion_mm(0), instruments.max_insertion_mm(1)}};
   const auto steps = [&](double mm_s, int count) {
     hand.set_rates(mm_s, 0);
-    double lowest_N = devices.load(1).force_N, highest_N = lowest_N;
+    double lowest_N = instruments.load(1).force_N, highest_N = lowest_N;
     for (int i = 0; i < count; ++i) {
-      const std::array hubs{devices.pose(0), devices.pose(1)};
-      const std::array loads{devices.load(0), devices.load(1)};
-      devices.step(couplings.step(hubs, loads, kStep_s));
-      lowest_N = std::min(lowest_N, devices.load(1).force_N);
-      highest_N = std::max(highest_N, devices.load(1).force_N);
+      const std::array hubs{instruments.pose(0), instruments.pose(1)};
+      const std::array loads{instruments.load(0), instruments.load(1)};
+      instruments.step(couplings.step(hubs, loads, kStep_s));
+      lowest_N = std::min(lowest_N, instruments.load(1).force_N);
+      highest_N = std::max(highest_N, instruments.load(1).force_N);
     }
     return highest_N - lowest_N;
   };

@@ -110,7 +110,7 @@ TEST(IgtlinkReceiver, InASessionOnlyHubsAndTheCArmHaveTransforms) {
   EXPECT_TRUE(std::holds_alternative<CArmMove>(events[2]));
   EXPECT_EQ(std::get<Complaint>(events[3]).text,
             "sent TRANSFORM 'C-Arm', which is none of Hub, Hub2 and CArm");
-  EXPECT_TRUE(std::holds_alternative<Complaint>(events[4])) << "there is no third device";
+  EXPECT_TRUE(std::holds_alternative<Complaint>(events[4])) << "there is no third instrument";
 }
 
 TEST(IgtlinkReceiver, TakesTheTwistOfATiltedHub) {
@@ -138,14 +138,14 @@ TEST(IgtlinkReceiver, ReadsHeaderVersion2) {
   EXPECT_NEAR(read[1].rotation_rad, 0.5, kFloat);
 }
 
-TEST(IgtlinkReceiver, HearsTheQuestionForItsStatus) {
+TEST(IgtlinkReceiver, ReadsTheQuestionForItsStatus) {
   IgtlinkReceiver receiver;
   const auto events = receive(receiver, MessageBytes{.type = "GET_STATUS"}.bytes());
   ASSERT_EQ(events.size(), 1);
   EXPECT_TRUE(std::holds_alternative<StatusRequest>(events[0]));
 }
 
-TEST(IgtlinkReceiver, HearsWhatIsAskedFor) {
+TEST(IgtlinkReceiver, ReadsWhatIsAskedFor) {
   using Kind = StreamRequest::Kind;
   struct Asked {
     const char* type;
@@ -170,7 +170,7 @@ TEST(IgtlinkReceiver, HearsWhatIsAskedFor) {
   }
 }
 
-TEST(IgtlinkReceiver, HearsAnIntervalAsTrackingDataHasIt) {
+TEST(IgtlinkReceiver, ReadsAnIntervalAsTrackingDataHasIt) {
   IgtlinkReceiver receiver;
   const std::string coordinates(32, '\0');  // a name, behind the interval
   const auto events = receive(
@@ -182,7 +182,7 @@ TEST(IgtlinkReceiver, HearsAnIntervalAsTrackingDataHasIt) {
   EXPECT_EQ(std::get<StreamRequest>(events[1]).interval.count(), 0x42);
 }
 
-TEST(IgtlinkReceiver, HearsPedalAndContrast) {
+TEST(IgtlinkReceiver, ReadsPedalAndContrast) {
   IgtlinkReceiver receiver;
   const auto events =
       receive(receiver, string_message("Pedal", "down") + string_message("Pedal", "up") +

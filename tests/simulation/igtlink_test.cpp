@@ -98,7 +98,7 @@ class RunningLoop {
       const auto step = coupling.step(hand, load, 1e-3);
       load = rod_(step.hub);
       const auto before = Clock::now();
-      device_.feel(0, step.felt);
+      device_.set_load(0, step.felt);
       in_device_.push_back(Clock::now() - before + (between - begin));
       insertion_mm_ = step.hub.insertion_mm;
       rotation_rad_ = step.hub.rotation_rad;
@@ -397,8 +397,8 @@ class TwoHubs : public testing::Test {
 };
 
 TEST_F(TwoHubs, EachIsAnsweredByItsNameAndTheOtherIsToldEvery20ms) {
-  device_.feel(0, {0.5, 0.001});
-  device_.feel(1, {0.75, 0.002});
+  device_.set_load(0, {0.5, 0.001});
+  device_.set_load(1, {0.75, 0.002});
   Client client(port());
   std::map<std::string, int> count;
   for (int i = 0; i < 60; ++i) {  // 0.3 s and more

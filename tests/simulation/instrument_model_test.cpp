@@ -26,11 +26,12 @@ TEST(InstrumentModel, PresetsReadBack) {
                                    "guidewire-035-straight", "guidewire-035-angled", "exchange-035-stiff",
                                    "vertebral-5f", "jb1-5f", "guide-6f", "microcatheter-24f"));
   for (const std::string& name : InstrumentModel::preset_names()) {
-    const InstrumentModel device = InstrumentModel::named(name);
-    EXPECT_EQ(device.name(), name);
-    EXPECT_GE(device.length_mm(), 1000) << name;
+    const InstrumentModel instrument = InstrumentModel::named(name);
+    EXPECT_EQ(instrument.name(), name);
+    EXPECT_GE(instrument.length_mm(), 1000) << name;
     // Softest at its tip, or nobody would put it into a vessel.
-    EXPECT_LT(device.bending_stiffness_Nmm2(0), device.bending_stiffness_Nmm2(device.length_mm())) << name;
+    EXPECT_LT(instrument.bending_stiffness_Nmm2(0), instrument.bending_stiffness_Nmm2(instrument.length_mm()))
+        << name;
   }
 }
 
@@ -73,63 +74,63 @@ TEST(InstrumentModel, PigtailCurlsOnceAroundAndMore) {
   EXPECT_EQ(turn.y, 0);
 }
 
-const char* const kDevice = R"({"name": "two parts", "radius_mm": 0.5, "density_g_cm3": 2,
+const char* const kInstrument = R"({"name": "two parts", "radius_mm": 0.5, "density_g_cm3": 2,
   "axial_stiffness_N": 100, "static_friction": 0.2, "kinetic_friction": 0.1, "sections": [
   {"length_mm": 10, "bending_stiffness_Nmm2": [10, 30], "torsional_stiffness_Nmm2": 5, "curvature_per_mm": 0.1},
   {"length_mm": 90, "bending_stiffness_Nmm2": 30, "torsional_stiffness_Nmm2": 20,
    "curvature_per_mm": [0.02, 0], "plane_deg": 90}]})";
 
 TEST(InstrumentModel, VariesAlongItsLength) {
-  const InstrumentModel device = InstrumentModel::from_json(kDevice, "file");
-  EXPECT_DOUBLE_EQ(device.length_mm(), 100);
-  EXPECT_DOUBLE_EQ(device.bending_stiffness_Nmm2(5), 20);
-  EXPECT_DOUBLE_EQ(device.bending_stiffness_Nmm2(50), 30);
-  EXPECT_DOUBLE_EQ(device.torsional_stiffness_Nmm2(9.9), 5);
-  EXPECT_DOUBLE_EQ(device.torsional_stiffness_Nmm2(10.1), 20);
-  EXPECT_DOUBLE_EQ(device.rest_turn_rad(0, 10).x, 1);
-  EXPECT_NEAR(device.rest_turn_rad(5, 100).x, 0.5, 1e-12);
-  EXPECT_NEAR(device.rest_turn_rad(5, 100).y, 0.9, 1e-12);  // 90 mm of 0.01 on the mean
-  EXPECT_DOUBLE_EQ(device.mass_per_length_g_mm(), 2e-3 * std::numbers::pi * 0.25);
+  const InstrumentModel instrument = InstrumentModel::from_json(kInstrument, "file");
+  EXPECT_DOUBLE_EQ(instrument.length_mm(), 100);
+  EXPECT_DOUBLE_EQ(instrument.bending_stiffness_Nmm2(5), 20);
+  EXPECT_DOUBLE_EQ(instrument.bending_stiffness_Nmm2(50), 30);
+  EXPECT_DOUBLE_EQ(instrument.torsional_stiffness_Nmm2(9.9), 5);
+  EXPECT_DOUBLE_EQ(instrument.torsional_stiffness_Nmm2(10.1), 20);
+  EXPECT_DOUBLE_EQ(instrument.rest_turn_rad(0, 10).x, 1);
+  EXPECT_NEAR(instrument.rest_turn_rad(5, 100).x, 0.5, 1e-12);
+  EXPECT_NEAR(instrument.rest_turn_rad(5, 100).y, 0.9, 1e-12);  // 90 mm of 0.01 on the mean
+  EXPECT_DOUBLE_EQ(instrument.mass_per_length_g_mm(), 2e-3 * std::numbers::pi * 0.25);
 }
 
 TEST(InstrumentModel, StationsEndWithTheSectionsAndFollowTheCurves) {
-  const InstrumentModel device = InstrumentModel::from_json(kDevice, "file");
-  const std::vector<double> stations = device.stations_mm(5);
+  const InstrumentModel instrument = InstrumentModel::from_json(kInstrument, "file");
+  const std::vector<double> stations = instrument.stations_mm(5);
   EXPECT_EQ(stations.front(), 0);
   EXPECT_DOUBLE_EQ(stations.back(), 100);
   EXPECT_THAT(stations, testing::Contains(10.0));
   for (std::size_t i = 1; i < stations.size(); ++i) {
     EXPECT_LE(stations[i] - stations[i - 1], 5 + 1e-9);
-    EXPECT_LE(std::hypot(device.rest_turn_rad(stations[i - 1], stations[i]).x,
-                         device.rest_turn_rad(stations[i - 1], stations[i]).y),
+    EXPECT_LE(std::hypot(instrument.rest_turn_rad(stations[i - 1], stations[i]).x,
+                         instrument.rest_turn_rad(stations[i - 1], stations[i]).y),
               0.25 + 1e-9);
   }
 }
 
 TEST(InstrumentModel, TakesItsStiffnessAsMeasuredOrByMaterials) {
-  const InstrumentModel device = InstrumentModel::from_json(
+  const InstrumentModel instrument = InstrumentModel::from_json(
       R"({"radius_mm": 0.5, "inner_radius_mm": 0.3, "density_g_cm3": 2, "axial_stiffness_N": 100,
       "static_friction": 0.2, "kinetic_friction": 0.1, "sections": [
       {"length_mm": 10, "three_point_bending": {"span_mm": 40, "force_N": 0.5, "deflection_mm": 2},
        "shear_modulus_GPa": 0.3},
       {"length_mm": 10, "flexural_modulus_GPa": [0.6, 1.2], "torsional_stiffness_Nmm2": 7}]})",
       "file");
-  EXPECT_DOUBLE_EQ(device.inner_radius_mm(), 0.3);
-  EXPECT_DOUBLE_EQ(device.bending_stiffness_Nmm2(5), 0.5 * 64000 / (48 * 2));
+  EXPECT_DOUBLE_EQ(instrument.inner_radius_mm(), 0.3);
+  EXPECT_DOUBLE_EQ(instrument.bending_stiffness_Nmm2(5), 0.5 * 64000 / (48 * 2));
   const double moment_mm4 = 0.25 * std::numbers::pi * (0.0625 - 0.0081);
-  EXPECT_NEAR(device.torsional_stiffness_Nmm2(5), 300 * 2 * moment_mm4, 1e-9);
-  EXPECT_NEAR(device.bending_stiffness_Nmm2(15), 900 * moment_mm4, 1e-9);
+  EXPECT_NEAR(instrument.torsional_stiffness_Nmm2(5), 300 * 2 * moment_mm4, 1e-9);
+  EXPECT_NEAR(instrument.bending_stiffness_Nmm2(15), 900 * moment_mm4, 1e-9);
 }
 
-struct BadDevice {
+struct BadInstrument {
   const char *name, *part, *instead, *message;
 };
-void PrintTo(const BadDevice& bad, std::ostream* out) { *out << bad.name; }
+void PrintTo(const BadInstrument& bad, std::ostream* out) { *out << bad.name; }
 
-class RefusedDevice : public testing::TestWithParam<BadDevice> {};
+class RefusedInstrument : public testing::TestWithParam<BadInstrument> {};
 
-TEST_P(RefusedDevice, NamesTheField) {
-  std::string json = kDevice;
+TEST_P(RefusedInstrument, NamesTheField) {
+  std::string json = kInstrument;
   const auto at = json.find(GetParam().part);
   ASSERT_NE(at, std::string::npos);
   json.replace(at, std::string(GetParam().part).size(), GetParam().instead);
@@ -144,38 +145,40 @@ TEST_P(RefusedDevice, NamesTheField) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Bad, RefusedDevice,
+    Bad, RefusedInstrument,
     testing::Values(
-        BadDevice{"NotJson", "{", "[", "not a JSON object"},
-        BadDevice{"DeepJson", "{", "{\"x\": [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[", "32 levels deep"},
-        BadDevice{"NoRadius", "\"radius_mm\"", "\"radius_inch\"", "\"radius_mm\" is missing"},
-        BadDevice{"RadiusText", "0.5,", "\"thin\",", "\"radius_mm\" is not a number"},
-        BadDevice{"RadiusBeyondAnyVessel", "0.5,", "1001,", "\"radius_mm\" is 1001; that is more than any"},
-        BadDevice{"RadiusZero", "0.5,", "0,", "\"radius_mm\" is 0; it must be above zero"},
-        BadDevice{"Density", "\"density_g_cm3\": 2", "\"density_g_cm3\": -2", "\"density_g_cm3\" is -2"},
-        BadDevice{"Friction", "\"kinetic_friction\": 0.1", "\"kinetic_friction\": 0.3",
-                  "\"kinetic_friction\" is 0.3"},
-        BadDevice{"NoSections", "\"sections\"", "\"parts\"", "\"sections\" is missing"},
-        BadDevice{"Length", "\"length_mm\": 90", "\"length_mm\": -90", "sections[1]: \"length_mm\" is -90"},
-        BadDevice{"Stiffness", "[10, 30]", "[10, 0]", "sections[0]: \"bending_stiffness_Nmm2\" is 0"},
-        BadDevice{"NoStiffness", "\"bending_stiffness_Nmm2\": [10, 30]", "\"x\": 1",
-                  "sections[0]: \"bending_stiffness_Nmm2\" is missing"},
-        BadDevice{
+        BadInstrument{"NotJson", "{", "[", "not a JSON object"},
+        BadInstrument{"DeepJson", "{", "{\"x\": [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[", "32 levels deep"},
+        BadInstrument{"NoRadius", "\"radius_mm\"", "\"radius_inch\"", "\"radius_mm\" is missing"},
+        BadInstrument{"RadiusText", "0.5,", "\"thin\",", "\"radius_mm\" is not a number"},
+        BadInstrument{"RadiusBeyondAnyVessel", "0.5,", "1001,",
+                      "\"radius_mm\" is 1001; that is more than any"},
+        BadInstrument{"RadiusZero", "0.5,", "0,", "\"radius_mm\" is 0; it must be above zero"},
+        BadInstrument{"Density", "\"density_g_cm3\": 2", "\"density_g_cm3\": -2", "\"density_g_cm3\" is -2"},
+        BadInstrument{"Friction", "\"kinetic_friction\": 0.1", "\"kinetic_friction\": 0.3",
+                      "\"kinetic_friction\" is 0.3"},
+        BadInstrument{"NoSections", "\"sections\"", "\"parts\"", "\"sections\" is missing"},
+        BadInstrument{"Length", "\"length_mm\": 90", "\"length_mm\": -90",
+                      "sections[1]: \"length_mm\" is -90"},
+        BadInstrument{"Stiffness", "[10, 30]", "[10, 0]", "sections[0]: \"bending_stiffness_Nmm2\" is 0"},
+        BadInstrument{"NoStiffness", "\"bending_stiffness_Nmm2\": [10, 30]", "\"x\": 1",
+                      "sections[0]: \"bending_stiffness_Nmm2\" is missing"},
+        BadInstrument{
             "StiffnessTwice", "\"bending_stiffness_Nmm2\": [10, 30]",
             "\"bending_stiffness_Nmm2\": 1, \"flexural_modulus_GPa\": 1",
             "sections[0]: both \"bending_stiffness_Nmm2\" and \"flexural_modulus_GPa\"; give one of them"},
-        BadDevice{"TestWithoutDeflection", "\"bending_stiffness_Nmm2\": [10, 30]",
-                  "\"three_point_bending\": {\"span_mm\": 40, \"force_N\": 1, \"deflection_mm\": 0}",
-                  "sections[0]: three_point_bending: \"deflection_mm\" is 0; it must be above zero"},
-        BadDevice{"ThreeStiffnesses", "[10, 30]", "[10, 20, 30]", "a number, or two"},
-        BadDevice{"Curvature", "\"curvature_per_mm\": 0.1", "\"curvature_per_mm\": 1.1",
-                  "tighter than the device's own width"},
-        BadDevice{"TooLong", "\"length_mm\": 90", "\"length_mm\": 9000", "more than 5 m"}),
+        BadInstrument{"TestWithoutDeflection", "\"bending_stiffness_Nmm2\": [10, 30]",
+                      "\"three_point_bending\": {\"span_mm\": 40, \"force_N\": 1, \"deflection_mm\": 0}",
+                      "sections[0]: three_point_bending: \"deflection_mm\" is 0; it must be above zero"},
+        BadInstrument{"ThreeStiffnesses", "[10, 30]", "[10, 20, 30]", "a number, or two"},
+        BadInstrument{"Curvature", "\"curvature_per_mm\": 0.1", "\"curvature_per_mm\": 1.1",
+                      "tighter than the instrument's own width"},
+        BadInstrument{"TooLong", "\"length_mm\": 90", "\"length_mm\": 9000", "more than 5 m"}),
     [](const auto& bad) { return std::string(bad.param.name); });
 
 TEST(InstrumentModel, IsReadFromAFileInAnyCase) {
   const TemporaryFolder folder;
-  write_whole_file(folder / "WIRE.JSON", kDevice);
+  write_whole_file(folder / "WIRE.JSON", kInstrument);
   EXPECT_EQ(InstrumentModel::named((folder / "WIRE.JSON").string()).radius_mm(), 0.5);
 }
 
@@ -184,7 +187,7 @@ TEST(InstrumentModel, UnknownNameListsThePresets) {
     InstrumentModel::named("cobra");
     FAIL() << "accepted";
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("cobra: unknown device"));
+    EXPECT_THAT(error.what(), HasSubstr("cobra: unknown instrument"));
     EXPECT_THAT(error.what(), HasSubstr("cobra-5f"));
   }
 }

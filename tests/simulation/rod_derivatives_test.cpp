@@ -124,7 +124,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// So soft along its axis that stretching does not drown the rest.
-InstrumentModel soft_device() {
+InstrumentModel soft_instrument() {
   return InstrumentModel({.name = "soft",
                           .radius_mm = 0.8,
                           .mass_per_length_g_mm = 2e-3,
@@ -169,21 +169,21 @@ void expect_exact(RodDerivatives& rod) {
 /// Four edges are worked on at once, and up to three are left over.
 constexpr int kFewestEdges = 4, kMostEdges = 8;
 
-LoneRod rod_of(const InstrumentModel& device, int edges, const Rod::Clamp& clamp,
+LoneRod rod_of(const InstrumentModel& instrument, int edges, const Rod::Clamp& clamp,
                const Rod::Options& options) {
-  const double edge_mm = std::min(5.0, device.length_mm() / edges);
-  LoneRod rod({device, device.stations_mm(edge_mm), clamp, edges * edge_mm, options});
+  const double edge_mm = std::min(5.0, instrument.length_mm() / edges);
+  LoneRod rod({instrument, instrument.stations_mm(edge_mm), clamp, edges * edge_mm, options});
   EXPECT_EQ(rod->state().edges.size(), static_cast<std::size_t>(edges));
   return rod;
 }
 
 TEST(RodDerivatives, OfElasticityAndMotionAreExact) {
-  const InstrumentModel device = soft_device();
+  const InstrumentModel instrument = soft_instrument();
   RandomSteps random;
   for (int edges = kFewestEdges; edges <= kMostEdges; ++edges)
     for (int i = 0; i < 2; ++i) {
       SCOPED_TRACE(edges);
-      LoneRod rod = rod_of(device, edges, {}, {});
+      LoneRod rod = rod_of(instrument, edges, {}, {});
       rod.set_load_N(1, 0.1 * random.vector());
       TipTorque torque(1e-3);
       rod.step(1e-3, &torque);  // it moves
@@ -195,10 +195,10 @@ TEST(RodDerivatives, OfElasticityAndMotionAreExact) {
 }
 
 TEST(Rod, PotentialOfAStepIsTheSumOfItsEnergies) {
-  const InstrumentModel device = soft_device();
+  const InstrumentModel instrument = soft_instrument();
   RandomSteps random;
   for (int edges = kFewestEdges; edges <= kMostEdges; ++edges) {
-    LoneRod rod = rod_of(device, edges, {}, {.gravity_mm_s2 = {1000, -9000, 3000}});
+    LoneRod rod = rod_of(instrument, edges, {}, {.gravity_mm_s2 = {1000, -9000, 3000}});
     rod.set_load_N(1, 0.1 * random.vector());
     TipTorque torque(1e-3);
     rod.step(1e-3, &torque);  // it moves
@@ -219,12 +219,12 @@ TEST(RodDerivatives, OfContactAreExact) {
   for (int i = 0; i <= 60; ++i)
     branch.points.push_back({{3 * std::sin(0.1 * i), 0, i - 10.0}, 0.8 + 0.01 * i});
   const auto field = std::make_shared<LumenDistanceField>(VesselTree({branch}, "tube"));
-  const InstrumentModel device = soft_device();
+  const InstrumentModel instrument = soft_instrument();
   RandomSteps random;
   for (int edges = kFewestEdges; edges <= kMostEdges; ++edges)
     for (int i = 0; i < 2; ++i) {
       SCOPED_TRACE(edges);
-      LoneRod rod = rod_of(device, edges, {.position_mm = {0.5, 0.5, 0}}, {.max_iterations = 50});
+      LoneRod rod = rod_of(instrument, edges, {.position_mm = {0.5, 0.5, 0}}, {.max_iterations = 50});
       WallContact wall(field, *rod, {.static_friction = 0.3, .kinetic_friction = 0.3});
       rod.set_load_N(0, 0.2 * random.vector());
       for (int k = 0; k < 5; ++k) rod.step(1e-3, &wall);

@@ -34,13 +34,14 @@ InstrumentModel uniform(double curvature_per_mm = 0) {
                          "uniform");
 }
 
-LoneRod fed(const InstrumentModel& device, double spacing_mm, double fed_mm, const Rod::Options& options) {
-  return LoneRod({device, device.stations_mm(spacing_mm), {}, fed_mm, options});
+LoneRod fed(const InstrumentModel& instrument, double spacing_mm, double fed_mm,
+            const Rod::Options& options) {
+  return LoneRod({instrument, instrument.stations_mm(spacing_mm), {}, fed_mm, options});
 }
 
-LoneRod straight(const InstrumentModel& device, double spacing_mm, Rod::Options options = {}) {
+LoneRod straight(const InstrumentModel& instrument, double spacing_mm, Rod::Options options = {}) {
   options.max_iterations = 50;
-  return fed(device, spacing_mm, device.length_mm(), options);
+  return fed(instrument, spacing_mm, instrument.length_mm(), options);
 }
 
 void settle(LoneRod& rod, int steps = 40, ExternalPotential* external = nullptr) {
@@ -234,8 +235,8 @@ TEST(Rod, TurnsWithItsHubWithoutLag) {
 
 TEST(Rod, StaysFiniteInAStepThatDoesNotMoveIt) {
   // No iteration moves it, and what its hub's turn dissipates leaves less than nothing for its velocities.
-  const InstrumentModel device = uniform();
-  LoneRod rod = fed(device, 5, device.length_mm(), {.max_iterations = 0});
+  const InstrumentModel instrument = uniform();
+  LoneRod rod = fed(instrument, 5, instrument.length_mm(), {.max_iterations = 0});
   for (int i = 1; i <= 3; ++i) {
     rod.rotate_to(0.1 * i);
     rod.step(1e-3);
@@ -246,8 +247,8 @@ TEST(Rod, StaysFiniteInAStepThatDoesNotMoveIt) {
 
 TEST(Rod, FeedingKeepsForceAndTorque) {
   // Pushed forward against a constant load: the clamp must bear just that, whatever node comes in or goes.
-  const InstrumentModel device = uniform();
-  LoneRod rod = fed(device, 5, 41, {.drag_mPa_s = 0, .max_iterations = 20});
+  const InstrumentModel instrument = uniform();
+  LoneRod rod = fed(instrument, 5, 41, {.drag_mPa_s = 0, .max_iterations = 20});
   rod.set_load_N(0, {0, 0, -0.05});
   TipTorque torque(2e-3);
   settle(rod, 40, &torque);
@@ -264,8 +265,8 @@ TEST(Rod, FeedingKeepsForceAndTorque) {
 
 TEST(Rod, FeedingStrainsTheEdgeAtTheClampAlone) {
   // Also where a node comes or goes, so that the nodes' velocities lead to where they are in balance.
-  const InstrumentModel device = uniform();
-  LoneRod rod = fed(device, 5, 41, {.max_iterations = 20});
+  const InstrumentModel instrument = uniform();
+  LoneRod rod = fed(instrument, 5, 41, {.max_iterations = 20});
   constexpr double kFeed_mm = 0.03;
   int changes = 0;
   for (const double by_mm : {kFeed_mm, -kFeed_mm})
@@ -282,8 +283,8 @@ TEST(Rod, FeedingStrainsTheEdgeAtTheClampAlone) {
 }
 
 TEST(Rod, TakesAFeedAcrossManyStations) {
-  const InstrumentModel device = uniform();
-  LoneRod rod = fed(device, 5, 21, {.max_iterations = 50});
+  const InstrumentModel instrument = uniform();
+  LoneRod rod = fed(instrument, 5, 21, {.max_iterations = 50});
   const auto shortest_mm = [&] {
     return std::ranges::min(rod->state().edges, {}, &RodState::Frame::length_mm).length_mm;
   };
@@ -300,9 +301,9 @@ TEST(Rod, TakesAFeedAcrossManyStations) {
 }
 
 TEST(Rod, MakesAsManyIterationsAsItsNodesAllow) {
-  const InstrumentModel device = uniform();
+  const InstrumentModel instrument = uniform();
   const auto bent = [&](const Rod::Options& options) {
-    LoneRod rod = fed(device, 5, device.length_mm(), options);
+    LoneRod rod = fed(instrument, 5, instrument.length_mm(), options);
     rod.set_load_N(0, {1, 0, 0});
     rod.step(kStill_s);
     return rod;

@@ -27,7 +27,7 @@ RunRequest push() {
       .script = Script::parse("time_s,insertion_mm,rotation_deg\n0,10,0\n0.1,20,0\n0.2,30,0\n", "push.csv")};
 }
 
-TEST(Run, RefusesAFirstRowThatADeviceDoesNotReach) {
+TEST(Run, RefusesAFirstRowThatAnInstrumentDoesNotReach) {
   const RunRequest request{
       .tree = short_tube(),
       .instruments = instruments_named({"exchange-035-stiff"}),
@@ -42,9 +42,9 @@ TEST(Run, RefusesAFirstRowThatADeviceDoesNotReach) {
 TEST(Run, TellsOfTheFirstPosesAndOfEveryStep) {
   std::vector<double> times_s, insertions_mm;
   Progress progress;
-  const auto told = run(push(), progress, [&](const Instruments& devices, double time_s) {
+  const auto told = run(push(), progress, [&](const Instruments& instruments, double time_s) {
     times_s.push_back(time_s);
-    insertions_mm.push_back(devices.pose(0).insertion_mm);
+    insertions_mm.push_back(instruments.pose(0).insertion_mm);
   });
   ASSERT_EQ(times_s.size(), 201u);
   EXPECT_EQ(times_s.front(), 0);
@@ -97,12 +97,12 @@ TEST_P(BadRuns, AreRefusedBeforeTheyBegin) {
 
 const BadRun kBadRuns[] = {
     {"NoTree", [](RunRequest& r) { r.tree = nullptr; }, "`tree`: missing"},
-    {"NoInstrument", [](RunRequest& r) { r.instruments.clear(); }, "0 devices; give one to 3"},
+    {"NoInstrument", [](RunRequest& r) { r.instruments.clear(); }, "0 instruments; give one to 3"},
     {"TooThick",
      [](RunRequest& r) {
        r.instruments = instruments_named({"microcatheter-27f", "cobra-5f"});
      },
-     "list the outermost device first"},
+     "list the outermost instrument first"},
     {"NoSuchEntry",
      [](RunRequest& r) {
        r.entry = {7, "`entry` 7"};

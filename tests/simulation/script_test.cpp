@@ -32,7 +32,7 @@ TEST(Script, TakesItsColumnsInAnyOrder) {
   EXPECT_DOUBLE_EQ(script.pose_at(0).rotation_rad, 0.5 * std::numbers::pi);
 }
 
-TEST(Script, HasTwoColumnsADevice) {
+TEST(Script, HasTwoColumnsAnInstrument) {
   const Script script = Script::parse(
       "time_s,insertion_mm,rotation_deg,rotation_2_deg,insertion_2_mm\n0,0,0,90,20\n1,10,0,180,40\n",
       "push.csv", 2);
@@ -43,7 +43,7 @@ TEST(Script, HasTwoColumnsADevice) {
 
 struct BadScript {
   const char *name, *rows, *message;
-  std::size_t devices = 1;
+  std::size_t instruments = 1;
 };
 void PrintTo(const BadScript& bad, std::ostream* out) { *out << bad.name; }
 
@@ -51,7 +51,7 @@ class RefusedScript : public testing::TestWithParam<BadScript> {};
 
 TEST_P(RefusedScript, NamesTheLine) {
   try {
-    Script::parse(GetParam().rows, "push.csv", GetParam().devices);
+    Script::parse(GetParam().rows, "push.csv", GetParam().instruments);
     FAIL() << "accepted";
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), StartsWith("push.csv: "));
@@ -86,12 +86,12 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"LongerThanADay", HEAD "0,0,0\n1e9,5,0\n", "line 3: time_s 1e+09 is more than a day"},
         BadScript{"DrawnOut", HEAD "0,-5,0\n", "line 2: insertion_mm -5 is below zero"},
         BadScript{"WithoutTheSecond", HEAD "0,0,0\n",
-                  "line 1: no column insertion_2_mm; a script of 2 devices has "
+                  "line 1: no column insertion_2_mm; a script of 2 instruments has "
                   "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg",
                   2},
         BadScript{"WithASecond",
                   "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n",
-                  "line 1: a script of 2 devices; give `instruments` for each, the outermost first"},
+                  "line 1: a script of 2 instruments; give `instruments` for each, the outermost first"},
         BadScript{"SecondDrawnOut",
                   "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,-1,0\n",
                   "line 2: insertion_2_mm -1 is below zero", 2},

@@ -23,7 +23,7 @@ using namespace std::chrono_literals;
 using Hubs = std::span<const HubPose>;
 using Loads = std::span<const HubLoad>;
 
-std::unique_ptr<Instruments> devices(const std::vector<std::string>& names = {"cobra-5f"}) {
+std::unique_ptr<Instruments> instruments(const std::vector<std::string>& names = {"cobra-5f"}) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
   std::vector<InstrumentModel> models;
   for (const std::string& name : names) models.push_back(InstrumentModel::named(name));
@@ -33,7 +33,7 @@ std::unique_ptr<Instruments> devices(const std::vector<std::string>& names = {"c
 TEST(SimulationLoop, SnapshotsAreOfOneMoment) {
   // The hand pushes at 50 mm/s; what belongs together must fit together, whenever it is read.
   std::array<HubPose, 2> pushed;
-  SimulationLoop loop(devices({"cobra-5f", "guidewire-035-j"}),
+  SimulationLoop loop(instruments({"cobra-5f", "guidewire-035-j"}),
                       [&pushed](Hubs hubs, Loads loads, double step_s) -> Hubs {
                         EXPECT_EQ(hubs.size(), 2u);
                         EXPECT_TRUE(std::isfinite(loads[0].force_N + loads[1].force_N));
@@ -49,9 +49,9 @@ TEST(SimulationLoop, SnapshotsAreOfOneMoment) {
     ASSERT_GE(now.time_s, before_s);
     // 50 mm/s times the time, to rounding.
     ASSERT_NEAR(now.pose.insertion_mm, 50 * now.time_s, 1e-6);
-    ASSERT_NEAR(now.device(1).pose.insertion_mm, 80 * now.time_s, 1e-6);
+    ASSERT_NEAR(now.instrument(1).pose.insertion_mm, 80 * now.time_s, 1e-6);
     for (const std::size_t d : {0, 1})
-      ASSERT_EQ(now.device(d).nodes_mm.back(), now.device(d).tip.position_mm);
+      ASSERT_EQ(now.instrument(d).nodes_mm.back(), now.instrument(d).tip.position_mm);
     if (now.time_s > before_s) ++read;
     before_s = now.time_s;
   }
@@ -60,7 +60,7 @@ TEST(SimulationLoop, SnapshotsAreOfOneMoment) {
 
 TEST(SimulationLoop, GoesOnWhileNobodyReads) {
   const HubPose in{20, 0};
-  SimulationLoop loop(devices(), [&in](Hubs, Loads, double) { return Hubs(&in, 1); });
+  SimulationLoop loop(instruments(), [&in](Hubs, Loads, double) { return Hubs(&in, 1); });
   const Stopwatch waiting;
   const double start_s = loop.snapshot().time_s;
   std::this_thread::sleep_for(1s);
@@ -96,10 +96,10 @@ TEST(SimulationLoop, ExchangesAnInstrumentThatIsDrawnBack) {
   Hand hand;
   std::atomic<double> new_radius_mm{0};
   SimulationLoop loop(
-      devices({"cobra-5f", "guidewire-035-j"}), [&hand](Hubs, Loads, double) { return hand.move(); },
-      [&new_radius_mm](std::size_t device, const InstrumentModel& instrument) {
-        EXPECT_EQ(device, 1u);
-        new_radius_mm = instrument.radius_mm();
+      instruments({"cobra-5f", "guidewire-035-j"}), [&hand](Hubs, Loads, double) { return hand.move(); },
+      [&new_radius_mm](std::size_t instrument, const InstrumentModel& model) {
+        EXPECT_EQ(instrument, 1u);
+        new_radius_mm = model.radius_mm();
       });
   const auto before = loop.snapshot().instruments;
   const InstrumentModel microcatheter = InstrumentModel::named("microcatheter-27f");
@@ -114,7 +114,7 @@ TEST(SimulationLoop, ExchangesAnInstrumentThatIsDrawnBack) {
   EXPECT_EQ((*before)[1].name(), "guidewire-035-j") << "what an older snapshot said holds for it";
   // The new one is steered.
   hand.inner_mm = 30;
-  const auto is_in = [](const CatheterSnapshot& at) { return at.device(1).pose.insertion_mm > 29; };
+  const auto is_in = [](const CatheterSnapshot& at) { return at.instrument(1).pose.insertion_mm > 29; };
   ASSERT_TRUE(is_in(wait_for(loop, is_in)));
   EXPECT_EQ(loop.snapshot().agent_outlet, 1u) << "the catheter's lumen is taken, the microcatheter's is free";
 }
@@ -123,9 +123,9 @@ TEST(SimulationLoop, RefusesAnExchangeInOneLineAndGoesOn) {
   Hand hand;
   hand.inner_mm = 20;
   SimulationLoop loop(
-      devices({"cobra-5f", "guidewire-035-j"}), [&hand](Hubs, Loads, double) { return hand.move(); },
+      instruments({"cobra-5f", "guidewire-035-j"}), [&hand](Hubs, Loads, double) { return hand.move(); },
       [](std::size_t, const InstrumentModel&) { ADD_FAILURE() << "an exchange"; });
-  wait_for(loop, [](const CatheterSnapshot& at) { return at.device(1).pose.insertion_mm > 10; });
+  wait_for(loop, [](const CatheterSnapshot& at) { return at.instrument(1).pose.insertion_mm > 10; });
   const auto instruments = loop.snapshot().instruments;
   const auto refusal_of = [&](const std::string& name) {
     const std::int64_t answered = loop.snapshot().exchanges;
@@ -134,11 +134,11 @@ TEST(SimulationLoop, RefusesAnExchangeInOneLineAndGoesOn) {
   };
   const auto inserted = refusal_of("exchange-035-stiff");
   ASSERT_NE(inserted, nullptr);
-  EXPECT_EQ(inserted->device, 1u);
+  EXPECT_EQ(inserted->instrument, 1u);
   EXPECT_THAT(inserted->why, testing::HasSubstr("draw it back to 0"));
   EXPECT_THAT(inserted->why, testing::Not(testing::HasSubstr("\n")));
   hand.inner_mm = 0;
-  wait_for(loop, [](const CatheterSnapshot& at) { return at.device(1).pose.insertion_mm == 0; });
+  wait_for(loop, [](const CatheterSnapshot& at) { return at.instrument(1).pose.insertion_mm == 0; });
   const auto thick = refusal_of("guide-6f");
   ASSERT_NE(thick, nullptr);
   EXPECT_THAT(thick->why, testing::HasSubstr("guide-6f"));
@@ -149,7 +149,7 @@ TEST(SimulationLoop, RefusesAnExchangeInOneLineAndGoesOn) {
 }
 
 TEST(SimulationLoop, HandsOnWhatItsThreadThrew) {
-  SimulationLoop loop(devices(),
+  SimulationLoop loop(instruments(),
                       [](Hubs, Loads, double) -> Hubs { throw std::runtime_error("the hand let go"); });
   EXPECT_THAT(
       [&] {

@@ -98,7 +98,7 @@ TEST(WallContact, CapstanHoldsByTheExponentialOfItsAngle) {
 /// A straight rod that lies in a straight tube by its weight.
 struct LyingRod {
   static constexpr double kLength_mm = 100, kWeight_N = 0.05, kStatic = 0.3, kKinetic = 0.2, kTube_mm = 3;
-  static InstrumentModel device() {
+  static InstrumentModel instrument() {
     return InstrumentModel({.name = "rod",
                             .radius_mm = 0.8,
                             .mass_per_length_g_mm = 1e3 * kWeight_N / 9.81 / kLength_mm,
@@ -110,7 +110,7 @@ struct LyingRod {
                                           .torsional_stiffness_Nmm2 = {100, 100}}}},
                            "rod");
   }
-  InstrumentModel model = device();
+  InstrumentModel model = instrument();
   LoneRod rod{{model,
                model.stations_mm(5),
                // A little above the wall, into which it sinks by its weight.
@@ -203,14 +203,19 @@ TEST(WallContact, AMiddleDoesNotSinkBetweenItsNodes) {
   EXPECT_LT(deepest_mm, 0.1);
 }
 
-TEST(WallContact, WhatComesOutOfAnotherDeviceFeelsTheWallAtOnce) {
-  const InstrumentModel wire(
+/// A straight wire of 60 mm.
+InstrumentModel short_wire() {
+  return {
       {.name = "wire",
        .radius_mm = kWire_mm,
        .mass_per_length_g_mm = 2e-3,
        .axial_stiffness_N = 500,
        .sections = {{.length_mm = 60, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}}}},
-      "wire");
+      "wire"};
+}
+
+TEST(WallContact, WhatComesOutOfAnotherInstrumentFeelsTheWallAtOnce) {
+  const InstrumentModel wire = short_wire();
   const auto rod_at = [&](double off_axis_mm) {
     return Rod(wire, wire.stations_mm(5), {.position_mm = {off_axis_mm, 0, 20}}, wire.length_mm(), {});
   };
@@ -265,14 +270,8 @@ TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
   EXPECT_EQ(wall.contacts().back().introducer_N.norm(), 0);
 }
 
-TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherDevice) {
-  const InstrumentModel wire(
-      {.name = "wire",
-       .radius_mm = kWire_mm,
-       .mass_per_length_g_mm = 2e-3,
-       .axial_stiffness_N = 500,
-       .sections = {{.length_mm = 60, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}}}},
-      "wire");
+TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherInstrument) {
+  const InstrumentModel wire = short_wire();
   // Beside the axis of an introducer that holds all of it, and of a tube as narrow as the wire.
   LoneRod rod({wire, wire.stations_mm(5), {.position_mm = {0.1, 0, 20}}, wire.length_mm(), {}});
   const WallContact::Introducer introducer{{0, 0, 150}, {0, 0, 1}};

@@ -34,20 +34,20 @@ class Tab : public WebTestTab {
 const std::string kPage = "<!doctype html><title>a page</title>";
 
 /// What a server was told, on its own thread.
-class Ears {
+class EventLog {
  public:
   WebServer::Events events() {
     return {.steer =
                 [this](std::string_view text) {
                   const std::lock_guard lock(mutex_);
-                  heard_.emplace_back(text);
+                  texts_.emplace_back(text);
                   if (text == "fails") throw Error("the thread's end");
                   return text != "nonsense";
                 },
             .let_go =
                 [this] {
                   const std::lock_guard lock(mutex_);
-                  heard_.emplace_back("(let go)");
+                  texts_.emplace_back("(let go)");
                 },
             .log =
                 [this](const std::string& line) {
@@ -55,9 +55,9 @@ class Ears {
                   logged_ += line + '\n';
                 }};
   }
-  std::vector<std::string> heard() const {
+  std::vector<std::string> texts() const {
     const std::lock_guard lock(mutex_);
-    return heard_;
+    return texts_;
   }
 
   std::string logged() const {
@@ -67,7 +67,7 @@ class Ears {
 
  private:
   mutable std::mutex mutex_;
-  std::vector<std::string> heard_;
+  std::vector<std::string> texts_;
   std::string logged_;
 };
 
@@ -86,8 +86,8 @@ class WebServerTest : public testing::Test {
   std::string own_host() const { return fmt::format("127.0.0.1:{}", server_.port()); }
   std::string query() const { return server_.page_address().substr(server_.page_address().find('?')); }
 
-  Ears ears_;
-  WebServer server_{{.hosts = {"Lab.example", "[fd00::7]"}}, kPage, ears_.events()};
+  EventLog log_;
+  WebServer server_{{.hosts = {"Lab.example", "[fd00::7]"}}, kPage, log_.events()};
 };
 
 TEST_F(WebServerTest, GivesItsPageToWhoKnowsTheToken) {
@@ -150,7 +150,7 @@ TEST_F(WebServerTest, BoundsWhatComesIn) {
   const Frame last = tab.receive();
   EXPECT_EQ(last.kind, 8);
   EXPECT_EQ(last.payload.substr(0, 2), "\x03\xf1");  // 1009: too big
-  EXPECT_THAT(ears_.heard(), testing::Not(testing::Contains(HasSubstr("   "))));
+  EXPECT_THAT(log_.texts(), testing::Not(testing::Contains(HasSubstr("   "))));
   EXPECT_THAT(answer("/" + query()), StartsWith("HTTP/1.1 200"));
 }
 
@@ -186,20 +186,20 @@ TEST_F(WebServerTest, TellsNoStateOfBefore) {
   EXPECT_EQ(late.receive().payload, "new");
 }
 
-TEST_F(WebServerTest, HearsOneBrowserUntilItLeaves) {
+TEST_F(WebServerTest, ReceivesFromOneBrowserUntilItLeaves) {
   auto first = std::make_unique<Tab>(server_);
   first->receive();
   Tab second(server_);
   second.receive();
   second.send("of the second");
   first->send("of the first");
-  wait_until([&] { return !ears_.heard().empty(); });
+  wait_until([&] { return !log_.texts().empty(); });
   std::this_thread::sleep_for(std::chrono::milliseconds(100));  // in which that of the second is passed over
   first.reset();
   EXPECT_EQ(second.receive().payload, R"({"steers":true,"browsers":1})");
   second.send("now");
-  wait_until([&] { return ears_.heard().size() == 3; });
-  EXPECT_THAT(ears_.heard(), ElementsAre("of the first", "(let go)", "now"));
+  wait_until([&] { return log_.texts().size() == 3; });
+  EXPECT_THAT(log_.texts(), ElementsAre("of the first", "(let go)", "now"));
 }
 
 TEST_F(WebServerTest, SkipsMalformedMessages) {
@@ -208,9 +208,9 @@ TEST_F(WebServerTest, SkipsMalformedMessages) {
   tab.send("nonsense");
   tab.send("binary", 2);
   tab.send("sense");
-  wait_until([&] { return ears_.heard().size() == 2; });
-  EXPECT_THAT(ears_.heard(), ElementsAre("nonsense", "sense"));
-  EXPECT_THAT(ears_.logged(), HasSubstr("was skipped: it is malformed"));
+  wait_until([&] { return log_.texts().size() == 2; });
+  EXPECT_THAT(log_.texts(), ElementsAre("nonsense", "sense"));
+  EXPECT_THAT(log_.logged(), HasSubstr("was skipped: it is malformed"));
 }
 
 TEST_F(WebServerTest, KeepsOnlyTheNewestForASlowReader) {
@@ -266,7 +266,7 @@ TEST_F(WebServerTest, GivesItsPageThoughSixtyIdleConnectionsAreOpen) {
 }
 
 TEST_F(WebServerTest, HasRoomForThirtyTwoThatHaveShownTheToken) {
-  const WebServer large({}, std::string(50'000'000, '.'), ears_.events());  // more than sockets buffer
+  const WebServer large({}, std::string(50'000'000, '.'), log_.events());  // more than sockets buffer
   const std::string request =
       fmt::format("GET {} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n",
                   large.page_address().substr(large.page_address().find("/?")), large.port());
@@ -290,8 +290,8 @@ TEST_F(WebServerTest, HasRoomForMoreConnectionsOnceSomeHaveLeft) {
 }
 
 TEST(WebServerEnd, ByAFailureIsTold) {
-  Ears ears;
-  const WebServer server({}, kPage, ears.events());
+  EventLog log;
+  const WebServer server({}, kPage, log.events());
   server.check();
   Tab tab(server);
   tab.send("fails");
@@ -300,8 +300,8 @@ TEST(WebServerEnd, ByAFailureIsTold) {
 }
 
 TEST(WebServerEnd, ClosesItsConnections) {
-  Ears ears;
-  auto server = std::make_unique<WebServer>(WebServer::Options{}, kPage, ears.events());
+  EventLog log;
+  auto server = std::make_unique<WebServer>(WebServer::Options{}, kPage, log.events());
   Tab tab(*server), slow(*server, 4096);
   Socket silent(server->port());
   tab.receive();
@@ -313,13 +313,13 @@ TEST(WebServerEnd, ClosesItsConnections) {
 }
 
 TEST(WebServerEnd, OfAPortInUseIsOneLine) {
-  Ears ears;
-  const WebServer server({}, kPage, ears.events());
+  EventLog log;
+  const WebServer server({}, kPage, log.events());
   const WebServer::Options same{.address = {.host = "127.0.0.1", .port = server.port()}};
-  EXPECT_THAT([&] { WebServer(same, kPage, ears.events()); },
+  EXPECT_THAT([&] { WebServer(same, kPage, log.events()); },
               testing::ThrowsMessage<InputError>(
                   HasSubstr("the port is in use; end the program that listens there")));
-  EXPECT_THAT([&] { WebServer({.address = {.host = "203.0.113.7", .port = 0}}, kPage, ears.events()); },
+  EXPECT_THAT([&] { WebServer({.address = {.host = "203.0.113.7", .port = 0}}, kPage, log.events()); },
               testing::ThrowsMessage<InputError>(StartsWith("203.0.113.7:0: ")));
 }
 

@@ -210,14 +210,14 @@ class Serve(unittest.TestCase):
         self.assertGreater(length, 140, "what was pushed in")
         numpy.testing.assert_allclose(controls[-1], tip.matrix[:3, 3], atol=0.5)  # the hub still settles
 
-        # The parallel beam shows the new part of the device where the picture's matrix puts it.
+        # The parallel beam shows the new part of the instrument where the picture's matrix puts it.
         to_pixel = numpy.linalg.inv(after.ijk_to_world_matrix)
         at = to_pixel @ numpy.c_[controls, numpy.ones(len(controls))].T
         changed = numpy.argwhere(numpy.abs(after.image[0].astype(int) - before.image[0]) > 8)
         self.assertGreater(len(changed), 20)
         nearest = [numpy.min(numpy.hypot(at[0] - i, at[1] - j)) for j, i in changed]
         # Control points are some pixels apart.
-        self.assertLess(numpy.percentile(nearest, 95), 8, "changes lie along the device")
+        self.assertLess(numpy.percentile(nearest, 95), 8, "changes lie along the instrument")
         i, j = (to_pixel @ tip.matrix[:, 3])[:2]
         self.assertLess(numpy.min(numpy.hypot(changed[:, 1] - i, changed[:, 0] - j)), 6, "and reach its tip")
         report = server.end()

@@ -20,7 +20,7 @@ async function module_of(name) {
 
 const { hash_of, state_of } = await module_of("address.ts");
 const { Store, first_state } = await module_of("state.ts");
-const { picture_at, shown_time_s } = await module_of("device_shape.ts");
+const { picture_at, shown_time_s } = await module_of("instrument_shape.ts");
 const { step_s } = await module_of("run_player.ts");
 const { view_of } = await module_of("c_arm_pose.ts");
 const { Notes } = await module_of("notes.ts");
@@ -35,7 +35,7 @@ const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
 const { LastLoads } = await module_of("live.ts");
 
-const kRun = { pictures: 151, step_s: 1 / 15, devices: [] };
+const kRun = { pictures: 151, step_s: 1 / 15, instruments: [] };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
 const session = ({ header = {}, ...more } = {}) => ({
   header: {
@@ -56,9 +56,9 @@ test("a link to each picture of a run opens that picture", () => {
     }
 });
 
-test("a run opens with most of its devices in the body, wherever that is", () => {
+test("a run opens with most of its instruments in the body, wherever that is", () => {
   const reach = (mm) => [0, 1, 2, 3].map((i) => [0, 0, (i * mm) / 3]), shapes = (reaches) => [reaches.map(reach)];
-  const run = { pictures: 4, step_s: 0.5, devices: [{ shapes: shapes([20, 90, 90, 20]) }, { shapes: shapes([20, 20, 300, 50]) }] };
+  const run = { pictures: 4, step_s: 0.5, instruments: [{ shapes: shapes([20, 90, 90, 20]) }, { shapes: shapes([20, 20, 300, 50]) }] };
   const data = session({ run }), { state } = opened(data);
   assert.equal(state.time_s, 1); // neither the first picture nor the last, in which they are withdrawn
   assert.match(hash_of({ ...state, time_s: 0 }, state), /&t=0$/);
@@ -175,7 +175,7 @@ test("drums absorb by what they hold, and the larger where they overlap", () => 
 
 const kWire_mm = 0.18; // the radius of a wire of 0.014 inch
 
-/** A device in the plane of the axis, 10 degrees off the vertical and so far aside. */
+/** An instrument in the plane of the axis, 10 degrees off the vertical and so far aside. */
 function rod(radius_mm, aside_mm, mu_per_mm = 1) {
   const along = [Math.sin(0.175), 0, Math.cos(0.175)], line = Array.from({ length: 61 }, (_, i) => [aside_mm + 10 * (i - 30) * along[0], 0, 10 * (i - 30) * along[2]]);
   return { mesh: tube(line, radius_mm, 8), tube_sides: 8, is_closed: true, mu_per_mm, colour: [1, 1, 1] };
@@ -209,7 +209,7 @@ test("a wire thinner than a pixel is without gaps and absorbs what it holds, als
     }
 });
 
-test("a device of several pixels' width is drawn as it is", () => {
+test("an instrument of several pixels' width is drawn as it is", () => {
   const view = { lao_rad: 0, cranial_rad: 0, cone: null, centre_mm: [0, 0, 0], width: 161, height: 161, pixel_mm: 0.5 }, catheter = rod(1, 0.1);
   assert.deepEqual(absorbed_by([catheter], view), absorbed_by([{ ...catheter, mesh: { ...catheter.mesh }, tube_sides: 0 }], view));
   assert.equal(widening_of(catheter, view).factor, 1);
@@ -234,7 +234,7 @@ function live_bytes() {
 test("a live message is read as it is written", () => {
   assert.deepEqual(message_of(live_bytes()), {
     exposes: true, injects: false, is_valve_locked: true, has_outlet: false, held_hub: 0, exposures: 9, time_s: 1.5, fluoroscopy_s: 2, injected_ml: 3,
-    devices: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
+    instruments: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
     filled: [{ drum: 7, mg_ml: 350 }],
   });
   for (let size = 0; size < live_bytes().byteLength; ++size) assert.throws(() => message_of(live_bytes().slice(0, size)), `${size}`);
@@ -252,13 +252,13 @@ test("opposite holds cancel", () => {
 });
 
 test("loads are kept for ten seconds, and not over a new run", () => {
-  const loads = new LastLoads(["a", "b"]), devices = (force_N) => [{ force_N, torque_mNm: 0 }, { force_N: -force_N, torque_mNm: 1 }];
-  for (let i = 0; i <= 300; ++i) loads.add({ time_s: i / 20, devices: devices(i) });
-  loads.add({ time_s: 15, devices: devices(1000) }); // told again
-  const { device, force_N, torque_mNm, now, length_s } = loads.of(1);
-  assert.deepEqual([device, force_N.length, force_N[0], force_N[now], torque_mNm[now]], ["b", 201, -100, -300, 1]);
+  const loads = new LastLoads(["a", "b"]), instruments = (force_N) => [{ force_N, torque_mNm: 0 }, { force_N: -force_N, torque_mNm: 1 }];
+  for (let i = 0; i <= 300; ++i) loads.add({ time_s: i / 20, instruments: instruments(i) });
+  loads.add({ time_s: 15, instruments: instruments(1000) }); // told again
+  const { instrument, force_N, torque_mNm, now, length_s } = loads.of(1);
+  assert.deepEqual([instrument, force_N.length, force_N[0], force_N[now], torque_mNm[now]], ["b", 201, -100, -300, 1]);
   assert.ok(Math.abs(length_s - 10) < 1e-9);
-  loads.add({ time_s: 0.1, devices: devices(1) });
+  loads.add({ time_s: 0.1, instruments: instruments(1) });
   assert.deepEqual(loads.of(0).force_N, [1]);
 });
 
@@ -291,7 +291,7 @@ test("what the program and the page both say is the same", () => {
   assert.match(text("src/shaders/columns.glsl"), new RegExp(`place & ${angles}, layer = place >> ${Math.log2(angles + 1)};`));
   const viewer = "../viewer/xraycast/scene/catheter_surface.cpp", image = "../host/xraycast/base/image.cpp";
   for (const [there, in_viewer, here, in_page] of [
-    [viewer, /kRingsPerNode = (\d+)/, "device_shape.ts", /kRingsPerPoint = (\d+)/], [viewer, /kSides = (\d+)/, "device_shape.ts", /kSides = (\d+)/],
+    [viewer, /kRingsPerNode = (\d+)/, "instrument_shape.ts", /kRingsPerPoint = (\d+)/], [viewer, /kSides = (\d+)/, "instrument_shape.ts", /kSides = (\d+)/],
     ["../viewer/xraycast/scene/thin_tube.hpp", /kLeastRadius_pixels = ([\d.]+)/, "thin_tube.ts", /kLeastRadius_pixels = ([\d.]+)/],
     [image, /kHeadroom = ([\d.]+)/, "grey_window.ts", /kHeadroom = ([\d.]+)/], [image, /kMatter = ([\d.]+)/, "grey_window.ts", /kMatter = ([\d.]+)/],
   ]) {

@@ -281,7 +281,7 @@ browser_test("no text of a session becomes a part of its page", async () => {
   await close(attacked);
 });
 
-browser_test("the run opens where its devices are, and plays from its beginning", async () => {
+browser_test("the run opens where its instruments are, and plays from its beginning", async () => {
   const opened = await open("run.html", "lao=0", { width: 900, height: 700 }), { page } = opened;
   const time = () => page.$eval("#time", (range) => Number(range.value));
   assert.ok((await time()) > 2.5, "of 3 s, in which the catheter is pushed");

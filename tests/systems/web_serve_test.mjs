@@ -92,7 +92,7 @@ const insertion_mm = (page) => page.$eval("#live-readout", (readout) => Number(r
 const c_arms_said = (page) => page.evaluate(() => window.said.flatMap(({ c_arm }) => c_arm ?? []));
 const go_to = (page, hash) => page.evaluate((hash) => void (location.hash = hash), hash);
 
-/** Waits until a device rests; the readout may be late by less than 0.7 s. */
+/** Waits until an instrument rests; the readout may be late by less than 0.7 s. */
 async function rested_mm(page) {
   for (let tries = 0, last = NaN; tries < 30; ++tries) {
     const now = await insertion_mm(page);
@@ -100,7 +100,7 @@ async function rested_mm(page) {
     last = now;
     await wait(700);
   }
-  assert.fail("the device goes on");
+  assert.fail("the instrument goes on");
 }
 
 const exposures = (page) => page.evaluate(() => Number(document.documentElement.dataset.exposures));
@@ -141,7 +141,7 @@ browser_test("keys steer a wire in a catheter, and the picture follows while the
 
   await page.select("#hub", "1");
   await wait(600); // some readouts
-  assert.equal(await page.$eval("#hub", (choice) => choice.value), "1"); // the choice stays, until another device is held
+  assert.equal(await page.$eval("#hub", (choice) => choice.value), "1"); // the choice stays, until another instrument is held
   await page.select("#hub", "0");
   await page.keyboard.press("Tab");
   await reads(page, "#live-readout", /^guidewire-035-j 0 mm/);

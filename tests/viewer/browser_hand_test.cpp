@@ -22,13 +22,13 @@ const Clock::time_point kStart = Clock::now();
 
 TEST(BrowserHand, MovesTheHubAsKeysDo) {
   BrowserHand hand(0);
-  ASSERT_TRUE(hand.hear(R"({"push": 1, "turn": -0.5, "pedal": true, "inject": true})", kStart));
+  ASSERT_TRUE(hand.receive(R"({"push": 1, "turn": -0.5, "pedal": true, "inject": true})", kStart));
   const LiveCommands quick = hand.commands(kStart);
   EXPECT_EQ(quick.insertion_mm_s, kPush_mm_s);
   EXPECT_EQ(quick.rotation_rad_s, -0.5 * kRotate_rad_s);
   EXPECT_TRUE(quick.pedal);
   EXPECT_EQ(quick.injection_ml_s, kInjection_ml_s);
-  ASSERT_TRUE(hand.hear(R"({"push": -1, "slow": true, "something new": [1]})", kStart));
+  ASSERT_TRUE(hand.receive(R"({"push": -1, "slow": true, "something new": [1]})", kStart));
   const LiveCommands slow = hand.commands(kStart);
   EXPECT_EQ(slow.insertion_mm_s, -kSlowly * kPush_mm_s);
   EXPECT_EQ(slow.rotation_rad_s, 0);
@@ -38,9 +38,9 @@ TEST(BrowserHand, MovesTheHubAsKeysDo) {
 
 TEST(BrowserHand, DoesDeedsOnce) {
   BrowserHand hand(0);
-  hand.hear(R"({"next_hub": true})", kStart);
-  hand.hear(R"({"next_hub": true, "valve": true})", kStart);
-  hand.hear(R"({"push": 1})", kStart);
+  hand.receive(R"({"next_hub": true})", kStart);
+  hand.receive(R"({"next_hub": true, "valve": true})", kStart);
+  hand.receive(R"({"push": 1})", kStart);
   LiveCommands commands = hand.commands(kStart);
   EXPECT_EQ(commands.next_hubs, 2);
   EXPECT_EQ(commands.valve_toggles, 1);
@@ -48,14 +48,14 @@ TEST(BrowserHand, DoesDeedsOnce) {
   EXPECT_EQ(commands.next_hubs, 0);
   EXPECT_EQ(commands.valve_toggles, 0);
   EXPECT_EQ(commands.insertion_mm_s, kPush_mm_s);  // held all the while
-  for (int i = 0; i < 1000; ++i) hand.hear(R"({"next_hub": true})", kStart);
+  for (int i = 0; i < 1000; ++i) hand.receive(R"({"next_hub": true})", kStart);
   EXPECT_EQ(hand.commands(kStart).next_hubs, 100);
 }
 
 TEST(BrowserHand, PosesTheCArm) {
   BrowserHand hand(250);
-  hand.hear(R"({"c_arm": {"lao_deg": 30, "cranial_deg": -10, "zoom": 2, "table_mm": 20}})", kStart);
-  hand.hear("{}", kStart);
+  hand.receive(R"({"c_arm": {"lao_deg": 30, "cranial_deg": -10, "zoom": 2, "table_mm": 20}})", kStart);
+  hand.receive("{}", kStart);
   const auto pose = hand.commands(kStart).c_arm;
   ASSERT_TRUE(pose);
   EXPECT_NEAR(pose->lao_rad, std::numbers::pi / 6, 1e-12);
@@ -68,28 +68,28 @@ TEST(BrowserHand, PosesTheCArm) {
 TEST(BrowserHand, HoldsNothingOnceItIsSilentOrHasLeft) {
   BrowserHand hand(0);
   const std::string held = R"({"push": 1, "turn": 1, "pedal": true, "inject": true})";
-  hand.hear(held, kStart);
+  hand.receive(held, kStart);
   EXPECT_TRUE(hand.commands(kStart + BrowserHand::kSilence).pedal);
   const LiveCommands silent = hand.commands(kStart + BrowserHand::kSilence + milliseconds(1));
   EXPECT_EQ(silent.insertion_mm_s, 0);
   EXPECT_EQ(silent.rotation_rad_s, 0);
   EXPECT_EQ(silent.injection_ml_s, 0);
   EXPECT_FALSE(silent.pedal);
-  hand.hear(held, kStart);
+  hand.receive(held, kStart);
   hand.let_go();
   EXPECT_FALSE(hand.commands(kStart).pedal);
 }
 
 TEST(BrowserHand, PassesOverWhatIsMalformed) {
   BrowserHand hand(0);
-  hand.hear(R"({"push": 1})", kStart);
+  hand.receive(R"({"push": 1})", kStart);
   for (const char* text :
        {"", "push", "[]", "1", "null", "{\"push\": 1", R"({"push": 2})", R"({"push": -1.01})",
         R"({"push": 1e999})", R"({"push": "1"})", R"({"push": null})", R"({"turn": true})", R"({"pedal": 1})",
         R"({"next_hub": "yes"})", R"({"c_arm": 1})", R"({"c_arm": {"lao_deg": 1e9}})",
         R"({"c_arm": {"zoom": 0}})", R"({"c_arm": {"table_mm": "high"}})", "{\"push\": \xff}"})
-    EXPECT_FALSE(hand.hear(text, kStart)) << text;
-  EXPECT_FALSE(hand.hear(std::string(512, '['), kStart));
+    EXPECT_FALSE(hand.receive(text, kStart)) << text;
+  EXPECT_FALSE(hand.receive(std::string(512, '['), kStart));
   EXPECT_EQ(hand.commands(kStart).insertion_mm_s, kPush_mm_s);
 }
 
@@ -109,9 +109,9 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
                          .held_hub = 1,
                          .exposures = 7,
                          .drums_mg_ml = {0, 350, 0, 12.5f}};
-  message.devices.push_back(
+  message.instruments.push_back(
       {.pose = {100, std::numbers::pi}, .load = {0.5, 2e-3}, .parts_mm = {{{1, 2, 3}, {4, 5, 6}}}});
-  message.devices.push_back({.pose = {}, .load = {}, .parts_mm = {{}, {{7, 8, 9}}}});
+  message.instruments.push_back({.pose = {}, .load = {}, .parts_mm = {{}, {{7, 8, 9}}}});
   const std::string bytes = packed(message);
   EXPECT_EQ(bytes.substr(0, 4), std::string("\1\15\1\2", 4));
   EXPECT_EQ(value_at<std::uint32_t>(bytes, 4), 7u);
@@ -130,18 +130,18 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
   EXPECT_EQ(rest, wanted);
 }
 
-// Two devices of 200 points and 500 drums with contrast agent, as late in an angiogram; the JSON in
+// Two instruments of 200 points and 500 drums with contrast agent, as late in an angiogram; the JSON in
 // hundredths.
 TEST(BrowserMessage, IsSmallerThanItsJson) {
   const auto rounded = [](double x) { return std::round(100 * x) / 100; };
   BrowserMessage message{.drums_mg_ml = std::vector<float>(500)};
   nlohmann::json json;
   for (std::size_t d = 0; d < 2; ++d) {
-    BrowserMessage::Device& device = message.devices.emplace_back();
-    device.parts_mm.resize(1);
+    BrowserMessage::Instrument& instrument = message.instruments.emplace_back();
+    instrument.parts_mm.resize(1);
     for (int i = 0; i < 200; ++i) {
-      const glm::dvec3& point = device.parts_mm[0].emplace_back(12.345 + i, 1.7 * i - 100, 4.21 * i);
-      json["devices"][d].push_back({rounded(point.x), rounded(point.y), rounded(point.z)});
+      const glm::dvec3& point = instrument.parts_mm[0].emplace_back(12.345 + i, 1.7 * i - 100, 4.21 * i);
+      json["instruments"][d].push_back({rounded(point.x), rounded(point.y), rounded(point.z)});
     }
   }
   for (std::size_t drum = 0; drum < 500; ++drum) {

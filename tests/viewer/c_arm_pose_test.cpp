@@ -106,7 +106,7 @@ TEST(BodyBounds, EncloseTheMap) {
   EXPECT_EQ(bounds_of(bent).centre_mm.y, 14);
 
   MapGeometry sphere = cylinder;
-  sphere.projection = Projection::sphere;
+  sphere.ray_layout = RayLayout::sphere;
   sphere.centre_z_mm = 7;
   EXPECT_EQ(bounds_of(sphere).centre_mm, glm::dvec3(3, 4, 7));
   EXPECT_EQ(bounds_of(sphere).half_height_mm, 90);

@@ -218,7 +218,7 @@ TEST(ColumnSamples, WallsStandWhereTheyAreCrossed) {
 
 TEST(ColumnSamples, RectanglesMixTheirNeighbours) {
   MapGeometry geometry = map({0, 50}, {10, -5});
-  geometry.projection = Projection::rectangle;
+  geometry.ray_layout = RayLayout::rectangle;
   geometry.views = 4;  // 0, 45, 90, 135 deg
   geometry.width = 100;
   const RectifiedView between = view_of_map(geometry, {}, 30);

@@ -18,7 +18,7 @@ std::string page_of(const std::string& title, const std::vector<CaptionedPicture
   std::vector<CaptionedPicture> inside = pictures;
   for (CaptionedPicture& picture : inside) {
     picture.file = folder / picture.file.string();
-    if (!picture.film.empty()) picture.film = folder / picture.film.string();
+    if (!picture.cine.empty()) picture.cine = folder / picture.cine.string();
   }
   write_index_page(title, {folder / "run.html", "A run"}, inside, facts, folder / "index.html");
   return read_whole_file(folder / "index.html");
@@ -29,7 +29,7 @@ TEST(IndexPage, FitsATelephone) {
               HasSubstr("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"));
 }
 
-TEST(IndexPage, PlaysFilmsUnlessLessMotionIsAskedFor) {
+TEST(IndexPage, PlaysCinesUnlessLessMotionIsAskedFor) {
   const std::string page = page_of("Demo", {{"map/a.png", "A map"}, {"run.png", "A run", "run.gif"}}, {});
   EXPECT_THAT(page, HasSubstr("<a href=\"map/a.png\"><picture><img src=\"map/a.png\" alt=\"A map\" "));
   EXPECT_THAT(page,

@@ -99,7 +99,7 @@ TEST_F(AtTheTable, TheHandHoldsOneHubAfterTheOther) {
   intervention.manual()->set_rates(100, 0);
   while (intervention.run().now().time_s < 0.5) watch(intervention, {}, 1);
   EXPECT_LT(intervention.run().now().pose.insertion_mm, 1e-3) << "but for what the wire drags along";
-  EXPECT_GT(intervention.run().now().device(1).pose.insertion_mm, 10);
+  EXPECT_GT(intervention.run().now().instrument(1).pose.insertion_mm, 10);
   intervention.run().lock_valve(true);
   watch(intervention, {}, 20);
   EXPECT_GT(intervention.run().now().pose.insertion_mm, 1) << "the wire takes the catheter along";
@@ -107,13 +107,13 @@ TEST_F(AtTheTable, TheHandHoldsOneHubAfterTheOther) {
   EXPECT_EQ(intervention.held_hub(), 0u);
 }
 
-TEST_F(AtTheTable, ASessionKeepsEveryDevice) {
+TEST_F(AtTheTable, ASessionKeepsEveryInstrument) {
   Intervention intervention({.run = run_of({"cobra-5f", "guidewire-035-angled"})});
   intervention.update({}, 0.1);
-  const SteeredDevices kept = intervention.steered();
-  ASSERT_EQ(kept.devices.size(), 2u);
-  EXPECT_TRUE(kept.devices[0].has_lumen);
-  EXPECT_FALSE(kept.devices[1].has_lumen);
+  const SteeredInstruments kept = intervention.steered();
+  ASSERT_EQ(kept.instruments.size(), 2u);
+  EXPECT_TRUE(kept.instruments[0].has_lumen);
+  EXPECT_FALSE(kept.instruments[1].has_lumen);
   // The catheter, the wire's shaft and its tip, as they are drawn now.
   const std::vector<Surface> again = steered_surfaces(kept);
   ASSERT_EQ(again.size(), 3u);
@@ -123,7 +123,7 @@ TEST_F(AtTheTable, ASessionKeepsEveryDevice) {
   }
 }
 
-TEST_F(AtTheTable, OnlyAHandOnSeveralDevicesHasAValve) {
+TEST_F(AtTheTable, OnlyAHandOnSeveralInstrumentsHasAValve) {
   Intervention alone = begin();
   alone.toggle_valve();
   EXPECT_FALSE(alone.run().is_valve_locked());
@@ -161,16 +161,16 @@ TEST_F(AtTheTable, ExchangesAnInstrumentThatIsDrawnBack) {
   intervention.update({}, 0.1);
   EXPECT_EQ(intervention.surfaces().size(), 4u) << "the catheter, the wire's two parts, the contrast agent";
   EXPECT_EQ(exchange_for(microcatheter), "microcatheter-27f");
-  EXPECT_EQ(intervention.steered().devices[1].radius_mm, wire.radius_mm()) << "the last image is held";
+  EXPECT_EQ(intervention.steered().instruments[1].radius_mm, wire.radius_mm()) << "the last image is held";
   intervention.press_pedal(true);
   watch(intervention, {}, 1);
   EXPECT_EQ(intervention.surfaces().size(), 3u);
-  EXPECT_EQ(intervention.steered().devices[1].radius_mm, microcatheter.radius_mm());
-  EXPECT_TRUE(intervention.steered().devices[1].has_lumen);
+  EXPECT_EQ(intervention.steered().instruments[1].radius_mm, microcatheter.radius_mm());
+  EXPECT_TRUE(intervention.steered().instruments[1].has_lumen);
 
   intervention.hold_next_hub();
   intervention.manual()->set_rates(100, 50);
-  while (intervention.run().now().device(1).pose.insertion_mm < 5) watch(intervention, {}, 1);
+  while (intervention.run().now().instrument(1).pose.insertion_mm < 5) watch(intervention, {}, 1);
   intervention.manual()->set_rates(0, 0);
   intervention.exchange(1, wire);
   EXPECT_EQ(intervention.note_on_exchange(1), "draw it back to 0 mm to exchange it");
@@ -186,7 +186,7 @@ TEST_F(AtTheTable, ExchangesAnInstrumentThatIsDrawnBack) {
   const std::vector<InstrumentModel> recorded = intervention.run().models();
   EXPECT_EQ(exchange_for(wire), "guidewire-035-j");
   watch(intervention, {}, 2);
-  EXPECT_NEAR(intervention.run().now().device(1).pose.rotation_rad, 0, 1e-3) << "the hand begins anew";
+  EXPECT_NEAR(intervention.run().now().instrument(1).pose.rotation_rad, 0, 1e-3) << "the hand begins anew";
   intervention.exchange(1, InstrumentModel::named("guide-6f"));
   while (intervention.note_on_exchange(1).empty()) watch(intervention, {}, 1);
   EXPECT_NE(intervention.note_on_exchange(1).find("guide-6f"), std::string::npos) << "it is too thick";

@@ -64,7 +64,7 @@ TEST_F(MapPrecisionTest, FramesFromHalvesAndBytesAreThoseFromFloats) {
   const ResidentScan scan = head();
   for (const MapGeometry& geometry : geometries(scan.geometry()))
     for (const Compositing compositing : {Compositing::path, Compositing::wall}) {
-      if (geometry.projection == Projection::rectangle && compositing == Compositing::wall) continue;
+      if (geometry.ray_layout == RayLayout::rectangle && compositing == Compositing::wall) continue;
       auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress_).map);
       const BodyBounds bounds = bounds_of(geometry);
       const View view =
@@ -81,11 +81,11 @@ TEST_F(MapPrecisionTest, FramesFromHalvesAndBytesAreThoseFromFloats) {
       const auto floats = drawn(MapPrecision::float32), halves = drawn(MapPrecision::float16),
                  bytes = drawn(MapPrecision::byte);
       // Every value is off by 1/2048 of itself at most, and errors of many samples cancel.
-      EXPECT_LT(difference(floats, halves).largest, 1.0 / 2048) << to_string(geometry.projection);
+      EXPECT_LT(difference(floats, halves).largest, 1.0 / 2048) << to_string(geometry.ray_layout);
       // Half a step of 1/255 of a layer's largest value, which exceeds the means along rays a few times. A
       // wall or a stored picture is met once or twice, where errors do not cancel.
-      EXPECT_LT(difference(floats, bytes).rms, 0.003) << to_string(geometry.projection);
-      EXPECT_LT(difference(floats, bytes).largest, 0.015) << to_string(geometry.projection);
+      EXPECT_LT(difference(floats, bytes).rms, 0.003) << to_string(geometry.ray_layout);
+      EXPECT_LT(difference(floats, bytes).largest, 0.015) << to_string(geometry.ray_layout);
     }
 }
 
@@ -112,7 +112,7 @@ TEST_F(MapPrecisionTest, TexturesTakeTwoBytesOrOne) {
 TEST_F(MapPrecisionTest, WhatLiesInFrontOfASurfaceIsDrawnFromBytesToo) {
   const ResidentScan scan = head();
   for (const MapGeometry& geometry : geometries(scan.geometry())) {
-    if (geometry.projection == Projection::rectangle) continue;
+    if (geometry.ray_layout == RayLayout::rectangle) continue;
     auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress_).map);
     auto bytes = std::make_shared<BodyMap>(*map);
     bytes->precision = MapPrecision::byte;
@@ -128,7 +128,7 @@ TEST_F(MapPrecisionTest, WhatLiesInFrontOfASurfaceIsDrawnFromBytesToo) {
     renderer.set_map(bytes);
     // As above; half of a ray has fewer samples, among which errors cancel less.
     EXPECT_LT(difference(from_floats, renderer.tau(view, style)).rms, 0.005)
-        << to_string(geometry.projection);
+        << to_string(geometry.ray_layout);
   }
 }
 

@@ -363,7 +363,7 @@ TEST_F(RendererTest, DetectorIsTheNearSide) {
 
 TEST_F(RendererTest, SpheresAndBentCylindersAreTheLengthsOfRaysToo) {
   auto sphere = homogeneous(2);
-  sphere->geometry.projection = Projection::sphere;
+  sphere->geometry.ray_layout = RayLayout::sphere;
   sphere->geometry.centre_z_mm = 5;
   auto bent = homogeneous(2);
   bent->geometry.centre_mm.assign(101, {20, -30});
@@ -587,7 +587,7 @@ TEST_F(RendererTest, MatterUpToTheScansBorderIsDrawnUpToThereAndNoFarther) {
       // at a cylinder's ends a ray's last sample counts whole or not at all; without the field it is a
       // hundred times that.
       EXPECT_LT(std::sqrt(squares / static_cast<double>(drawn.size())), cone ? 1e-2 : 1e-4)
-          << to_string(geometry.projection) << ' ' << angle_deg;
+          << to_string(geometry.ray_layout) << ' ' << angle_deg;
     }
   }
 }
@@ -782,7 +782,7 @@ TEST_F(RendererTest, WhatIsLargerThanTheDriverTakesIsRefused) {
   const float value = 0;
   EXPECT_THROW(gl::Table(GL_R32F).fill({&value, static_cast<std::size_t>(texels) + 1}, "a map"), InputError);
   auto map = homogeneous(1);
-  map->geometry.projection = Projection::rectangle;
+  map->geometry.ray_layout = RayLayout::rectangle;
   map->geometry.width = 16384;
   map->geometry.views = 1025;
   map->geometry.height = 0;  // so that it takes no memory here

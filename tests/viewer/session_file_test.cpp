@@ -13,7 +13,7 @@
 namespace xraycast::session_file_test {
 namespace {
 
-TEST(SessionFile, KeepsTheDevicesThatWereSteered) {
+TEST(SessionFile, KeepsTheInstrumentsThatWereSteered) {
   const TemporaryFolder folder;
   ViewSession session;
   session.steered = {{{{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 12}}, 0.825, true},
@@ -49,11 +49,11 @@ TEST(SessionFile, ReadsTheOneCatheterOfAnOlderSession) {
   text.insert(text.find("\"camera\""),
               R"("simulation": {"nodes_mm": [[1, 2, 3]], "radius_mm": 0.825, "road_map": true}, )");
   write_whole_file(folder / "s.json", text);
-  const SteeredDevices expected{{{{{1, 2, 3}}, 0.825, true}}, true};
+  const SteeredInstruments expected{{{{{1, 2, 3}}, 0.825, true}}, true};
   EXPECT_EQ(read_session(folder / "s.json").steered, expected);
 }
 
-TEST(SessionFile, RefusesMoreDevicesThanCanBeSteered) {
+TEST(SessionFile, RefusesMoreInstrumentsThanCanBeSteered) {
   const TemporaryFolder folder;
   ViewSession session;
   session.steered = {{4, {{{1, 2, 3}}, 0.825, true}}, true};

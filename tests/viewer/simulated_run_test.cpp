@@ -54,7 +54,7 @@ TEST(SimulatedRun, IsPushedAndFillsTheTreeWithContrast) {
   watch(run, 0.3);
   EXPECT_GT(run.now().pose.insertion_mm, 30);
   EXPECT_NEAR(run.injected_ml(), 1.5, 0.3) << "0.3 s, to a frame or two of a busy machine";
-  const Surface catheter = run.devices()[0], contrast = run.contrast();
+  const Surface catheter = run.instruments()[0], contrast = run.contrast();
   EXPECT_GT(volume_mm3(catheter.mesh), 0);
   ASSERT_FALSE(contrast.mu_weights.empty());
   // 350 mg/ml, diluted by blood.
@@ -75,7 +75,7 @@ TEST(SimulatedRun, RecordsAScriptThatCanBeRunAgain) {
   EXPECT_NEAR(recorded.rows().back().pose.rotation_rad, std::numbers::pi / 2, 1e-5);
 }
 
-TEST(SimulatedRun, EachDeviceHasItsHubSurfaceAndColumns) {
+TEST(SimulatedRun, EachInstrumentHasItsHubSurfaceAndColumns) {
   const std::string rows =
       "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n0.5,20,0,60,90\n";
   SimulatedRun run = run_with(std::make_unique<ScriptDevice>(Script::parse(rows, "test", 2)),
@@ -87,7 +87,7 @@ TEST(SimulatedRun, EachDeviceHasItsHubSurfaceAndColumns) {
   EXPECT_NEAR(recorded.rows().back().pose_of(1).insertion_mm, 60, 1e-4);
   EXPECT_NEAR(recorded.rows().back().pose_of(1).rotation_rad, std::numbers::pi / 2, 1e-5);
   // The catheter, the wire's shaft, and its tip.
-  const std::vector<Surface> surfaces = run.devices();
+  const std::vector<Surface> surfaces = run.instruments();
   ASSERT_EQ(surfaces.size(), 3u);
   EXPECT_GT(surfaces[2].mu_per_mm, 1.5 * surfaces[1].mu_per_mm) << "the tip is denser";
   for (const Surface& surface : surfaces) EXPECT_GT(volume_mm3(surface.mesh), 0);

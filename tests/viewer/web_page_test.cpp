@@ -187,18 +187,18 @@ TEST(WebPage, HoldsItsPartsInOneDeflatedStream) {
   const RecordedRun::Shapes shapes_mm{{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}, {0, 0, 3}}};
   session.run =
       RecordedRun::of({InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-j")});
-  for (RecordedRun::Device& device : session.run->devices) {
-    device.parts.back() = shapes_mm;
-    device.loads = {{0.5, 1e-3}};
+  for (RecordedRun::Instrument& instrument : session.run->instruments) {
+    instrument.parts.back() = shapes_mm;
+    instrument.loads = {{0.5, 1e-3}};
   }
   const std::string page = web_page(session);
   EXPECT_EQ(page.find("alert(1)</script>"), std::string::npos);
   const auto header = nlohmann::json::parse(element_of(page, "session"));
   EXPECT_EQ(header["title"], session.title);
-  ASSERT_EQ(header["run"]["devices"].size(), 2u);
-  EXPECT_EQ(header["run"]["devices"][1]["torque_mNm"][0], 1);
+  ASSERT_EQ(header["run"]["instruments"].size(), 2u);
+  EXPECT_EQ(header["run"]["instruments"][1]["torque_mNm"][0], 1);
   // A wire's shaft, and its tip, which is denser.
-  const auto& wire = header["run"]["devices"][1]["parts"];
+  const auto& wire = header["run"]["instruments"][1]["parts"];
   ASSERT_EQ(wire.size(), 2u);
   EXPECT_GT(wire[1]["mu_per_mm"], wire[0]["mu_per_mm"]);
   EXPECT_TRUE(header["live"].is_null());
@@ -228,12 +228,12 @@ TEST(WebPage, OfALiveRunConnectsToItsOwnServerAlone) {
   branch.points = {{{0, 0, -40}, 3}, {{0, 0, 0}, 3}, {{0, 0, 40}, 3}};
   ExportRequest session;
   session.map = std::make_shared<BodyMap>(noisy_map());
-  session.live = LiveRun{.devices = {InstrumentModel::named("cobra-5f")},
+  session.live = LiveRun{.instruments = {InstrumentModel::named("cobra-5f")},
                          .contrast = ContrastSurface(VesselTree({branch}, "tube")).whole()};
   const std::string page = web_page(session);
   EXPECT_NE(page.find("form-action 'none'; connect-src 'self'\""), std::string::npos);
   const auto live = nlohmann::json::parse(element_of(page, "session"))["live"];
-  EXPECT_EQ(live["devices"].size(), 1u);
+  EXPECT_EQ(live["instruments"].size(), 1u);
   EXPECT_EQ(live["contrast"]["points"], 2 * live["contrast"]["drum_points"].get<int>());
   EXPECT_EQ(live["contrast"]["triangles"], 2 * live["contrast"]["drum_triangles"].get<int>());
   EXPECT_EQ(live["contrast"]["is_closed"], true);
@@ -245,7 +245,7 @@ TEST(WebPage, SuitsCylindersOfOpticalDepths) {
   map.geometry.centre_mm.assign(17, {0, 0});
   EXPECT_FALSE(suits_web(map));
   map = noisy_map();
-  map.geometry.projection = Projection::sphere;
+  map.geometry.ray_layout = RayLayout::sphere;
   EXPECT_FALSE(suits_web(map));
 }
 

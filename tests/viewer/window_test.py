@@ -373,7 +373,7 @@ class Window(unittest.TestCase):
         return self.screen().find(XRAYS, 700, 0, 200, 40)
 
     def tip(self):
-        """Of the first device, in mm, as the picture has it."""
+        """Of the first instrument, in mm, as the picture has it."""
         return self.session()["simulation"]["devices"][0]["nodes_mm"][-1]
 
     def hold(self, key, seconds):
@@ -742,7 +742,7 @@ class Window(unittest.TestCase):
         self.assertEqual(self.session()["camera"]["angle_deg"], 0, "the C-arm stays where it is")
 
     def choose(self, choice):
-        """From the list beside the second device, which is in the hand, by the number from the top."""
+        """From the list beside the second instrument, which is in the hand, by the number from the top."""
         self.do("mousemove", 1000, 208, "click", 1)
         self.frame()
         self.keep_screen("instruments")

@@ -124,7 +124,7 @@ class BodyPicture {
   }
 }
 
-const kMostMeshes = 12; // on the device: vessels, also as clusters, and the parts of three devices, which move
+const kMostMeshes = 12; // on the device: vessels, also as clusters, and the parts of three instruments, which move
 const kFewToCluster = 3 * 20_000; // corners: fewer are drawn as soon as clusters of them
 const kCluster_mm = 2; // of surfaces in pictures of a motion, where that is less than two pixels
 

@@ -31,30 +31,30 @@ interface Matter {
   is_closed: boolean; // its back faces are never seen
   mu_per_mm: number;
   colour: Vec3;
-  tube_sides?: number; // of a device's tube: its points are a pole, rings of so many, and a pole; 0 or none: no such tube
+  tube_sides?: number; // of an instrument's tube: its points are a pole, rings of so many, and a pole; 0 or none: no such tube
 }
 
 /** A catheter has one part; a wire has two, its shaft and its tip, which is denser. */
-export interface DeviceHeader {
+export interface InstrumentHeader {
   name: string;
   radius_mm: number;
   parts: { mu_per_mm: number; colour: Vec3 }[];
 }
 
-interface RunDeviceHeader extends DeviceHeader {
+interface RunInstrumentHeader extends InstrumentHeader {
   force_N: number[];
   torque_mNm: number[];
 }
 
 interface RunHeader {
-  devices: RunDeviceHeader[]; // from the outermost on
+  instruments: RunInstrumentHeader[]; // from the outermost on
   pictures: number;
   step_s: number;
   unit_mm: number;
 }
 
 interface LiveHeader {
-  devices: DeviceHeader[];
+  instruments: InstrumentHeader[];
   contrast: MeshHeader & Matter & Drums;
   has_hub: boolean; // the page moves the hubs
 }
@@ -108,13 +108,13 @@ export interface Surface extends Matter {
   weights?: Float32Array; // of mu_per_mm, one a point, the same at a triangle's corners; seen by X-rays alone
 }
 
-export interface RunDevice extends RunDeviceHeader {
+export interface RunInstrument extends RunInstrumentHeader {
   /** Of each part and picture: the control points of its curve, from the introducer's side to that of the tip. */
   shapes: Vec3[][][];
 }
 
 export interface Run extends RunHeader {
-  devices: RunDevice[];
+  instruments: RunInstrument[];
 }
 
 export interface Contrast extends Surface, Drums {}
@@ -248,12 +248,12 @@ export async function session_of(header: Header, base64: string): Promise<Sessio
   const surface_of = <Kind extends MeshHeader & Matter>(of: Kind, name: string) =>
     ({ ...of, mesh: mesh_of(of, part(`${name}_points`), part(`${name}_triangles`)) });
   const { run, live } = header;
-  const shapes_of_device = (device: RunDeviceHeader, d: number): RunDevice =>
-    ({ ...device, shapes: device.parts.map((_, p) => shapes_of(run!, part(`shapes_${d}_${p}`))) });
+  const shapes_of_instrument = (instrument: RunInstrumentHeader, d: number): RunInstrument =>
+    ({ ...instrument, shapes: instrument.parts.map((_, p) => shapes_of(run!, part(`shapes_${d}_${p}`))) });
   return {
     header, map, tau: tau_of(header.map, part("layers")), vessels: header.vessels && surface_of(header.vessels, "vessel"),
     catheters: header.catheters.map((catheter, i) => surface_of(catheter, `catheter_${i}`)),
-    run: run && { ...run, devices: run.devices.map(shapes_of_device) },
+    run: run && { ...run, instruments: run.instruments.map(shapes_of_instrument) },
     live: live && { ...live, contrast: surface_of(live.contrast, "contrast") },
   };
 }

@@ -2,7 +2,7 @@
 import { Connection, Role } from "./connection";
 import { filled } from "./contrast";
 import type { Live } from "./data";
-import { surfaces_of } from "./device_shape";
+import { surfaces_of } from "./instrument_shape";
 import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
@@ -25,21 +25,21 @@ export class LastLoads {
     this.loads = names.map(() => ({ force_N: [], torque_mNm: [] }));
   }
 
-  add({ time_s, devices }: Pick<LiveMessage, "time_s" | "devices">): void {
+  add({ time_s, instruments }: Pick<LiveMessage, "time_s" | "instruments">): void {
     const last_s = this.times_s[this.times_s.length - 1] ?? -Infinity;
     if (time_s < last_s) this.clear(); // another run
     if (time_s === last_s) return;
     this.times_s.push(time_s);
     this.loads.forEach(({ force_N, torque_mNm }, d) => {
-      force_N.push(devices[d]?.force_N ?? 0);
-      torque_mNm.push(devices[d]?.torque_mNm ?? 0);
+      force_N.push(instruments[d]?.force_N ?? 0);
+      torque_mNm.push(instruments[d]?.torque_mNm ?? 0);
     });
     while (this.times_s[0]! < time_s - kKept_s) this.drop_first();
   }
 
   of(hub: number): Loads {
     const { times_s } = this, now = times_s.length - 1, { force_N, torque_mNm } = this.loads[hub]!;
-    return { device: this.names[hub]!, force_N, torque_mNm, now, length_s: now > 0 ? times_s[now]! - times_s[0]! : 0 };
+    return { instrument: this.names[hub]!, force_N, torque_mNm, now, length_s: now > 0 ? times_s[now]! - times_s[0]! : 0 };
   }
 
   private drop_first(): void {
@@ -72,7 +72,7 @@ export class LiveView {
 
   constructor(private readonly live: Live, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
     private readonly stage: HTMLElement, private readonly redraw: () => void) {
-    const names = live.devices.map(({ name }) => name);
+    const names = live.instruments.map(({ name }) => name);
     for (const id of ["live", "live-keys"]) element(id).hidden = false;
     this.show_keys(false);
     this.loads = new LastLoads(names);
@@ -112,9 +112,9 @@ export class LiveView {
     else if (is_new || !this.picture.held_pose) this.hold();
     if (is_new) {
       this.exposures = message.exposures;
-      const devices = this.live.devices.flatMap((device, d) => surfaces_of(device, message.devices[d]?.parts_mm ?? []));
+      const instruments = this.live.instruments.flatMap((instrument, d) => surfaces_of(instrument, message.instruments[d]?.parts_mm ?? []));
       const contrast = filled(this.live.contrast, message.filled);
-      this.picture.live = contrast ? [...devices, contrast] : devices;
+      this.picture.live = contrast ? [...instruments, contrast] : instruments;
       this.redraw();
     }
     document.documentElement.dataset.exposures = String(message.exposures);
@@ -132,12 +132,12 @@ export class LiveView {
   }
 
   private read_out(message: LiveMessage): void {
-    const { held_hub, devices, exposes, injects } = message, held = devices[held_hub];
+    const { held_hub, instruments, exposes, injects } = message, held = instruments[held_hub];
     if (this.live.has_hub && held_hub !== this.held_hub) this.chart.choose(held_hub);
     this.held_hub = held_hub;
     this.chart.show();
     element("live-readout").textContent = [
-      `${this.live.devices[held_hub]?.name ?? ""} ${fixed(held?.insertion_mm ?? 0, 0)} mm, ${fixed(held?.rotation_deg ?? 0, 0)}°`,
+      `${this.live.instruments[held_hub]?.name ?? ""} ${fixed(held?.insertion_mm ?? 0, 0)} mm, ${fixed(held?.rotation_deg ?? 0, 0)}°`,
       `${exposes ? "fluoroscopy" : "held picture"} ${message.fluoroscopy_s.toFixed(0)} s`, `${!injects ? "" : message.has_outlet ? "injecting, " : "no lumen is free, draw the wire back to 0 mm to inject; "}${message.injected_ml.toFixed(0)} ml`,
     ].join("  ·  ");
     element("inject").setAttribute("aria-pressed", String(injects));
@@ -151,13 +151,13 @@ export class LiveView {
     const others = browsers > 1 ? `; ${browsers} browsers are connected` : "";
     element("live-role").textContent = (steers ? this.live.has_hub ? "You steer" : "You have pedal and injector" : "You watch; another browser steers") + others;
     for (const button of element("live").querySelectorAll("button")) button.disabled = !steers;
-    if (steers && document.activeElement === document.body) this.stage.focus({ preventScroll: true }); // Tab holds the next device
+    if (steers && document.activeElement === document.body) this.stage.focus({ preventScroll: true }); // Tab holds the next instrument
     this.send();
   }
 
   /** Under Help. */
   private show_keys(steers: boolean): void {
-    const moves_hub = steers && this.live.has_hub, has_valve = moves_hub && this.live.devices.length > 1;
+    const moves_hub = steers && this.live.has_hub, has_valve = moves_hub && this.live.instruments.length > 1;
     const applies: Record<string, boolean> = { steers, hub: moves_hub, valve: has_valve, arrows: !moves_hub, inverted: !steers, vessels: !has_valve, run: false };
     for (const row of document.querySelectorAll<HTMLElement>("[data-keys]")) row.hidden = !applies[row.dataset.keys!];
   }

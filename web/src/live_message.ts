@@ -1,7 +1,7 @@
 // What the server tells of a live session, once a frame (viewer/xraycast/serving/browser_message.hpp).
 import type { Vec3 } from "./vectors";
 
-export interface LiveDevice {
+export interface LiveInstrument {
   insertion_mm: number;
   rotation_deg: number;
   force_N: number;
@@ -20,7 +20,7 @@ export interface LiveMessage {
   time_s: number;
   fluoroscopy_s: number;
   injected_ml: number;
-  devices: LiveDevice[]; // from the outermost on
+  instruments: LiveInstrument[]; // from the outermost on
   filled: { drum: number; mg_ml: number }[]; // with contrast agent
 }
 
@@ -34,12 +34,12 @@ export function message_of(bytes: ArrayBuffer): LiveMessage {
   const whole = () => view.getUint32((at += 4) - 4, true), real = () => view.getFloat32((at += 4) - 4, true);
   const list = <Item>(item: () => Item): Item[] => Array.from({ length: limited(whole(), bytes) }, item);
   if (byte() !== kFormat) throw new Error("the server is of another version; open its page again");
-  const flags = byte(), held_hub = byte(), devices = byte();
+  const flags = byte(), held_hub = byte(), instruments = byte();
   const point = (): Vec3 => [real(), real(), real()];
   return {
     exposes: (flags & 1) !== 0, injects: (flags & 2) !== 0, is_valve_locked: (flags & 4) !== 0, has_outlet: (flags & 8) !== 0, held_hub,
     exposures: whole(), time_s: real(), fluoroscopy_s: real(), injected_ml: real(),
-    devices: Array.from({ length: devices }, () => ({
+    instruments: Array.from({ length: instruments }, () => ({
       insertion_mm: real(), rotation_deg: real(), force_N: real(), torque_mNm: real(), parts_mm: list(() => list(point)),
     })),
     filled: list(() => ({ drum: whole(), mg_ml: real() })),

@@ -3,7 +3,7 @@ import { fixed } from "./fixed";
 
 /** Of one hub: values at even times, and which of them is of now. */
 export interface Loads {
-  device: string;
+  instrument: string;
   force_N: readonly number[];
   torque_mNm: readonly number[];
   length_s: number;
@@ -20,7 +20,7 @@ export function loads_text(loads: Loads): string {
     const values = values_of(loads, k);
     return values.length === 0 ? "none yet" : `${fixed(Math.min(...values), 2)} to ${fixed(Math.max(...values), 2)} ${kCurves[k]!.unit}`;
   };
-  return `At the hub of the ${loads.device}: force ${range(0)}, torque ${range(1)}, over ${loads.length_s.toFixed(1)} s`;
+  return `At the hub of the ${loads.instrument}: force ${range(0)}, torque ${range(1)}, over ${loads.length_s.toFixed(1)} s`;
 }
 
 export function draw_loads(canvas: HTMLCanvasElement, loads: Loads): void {

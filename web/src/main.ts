@@ -2,7 +2,7 @@
 import { hash_of, state_of } from "./address";
 import type { CArmPose } from "./c_arm_pose";
 import { Header, SessionData, session_of } from "./data";
-import { shown_time_s } from "./device_shape";
+import { shown_time_s } from "./instrument_shape";
 import { RunPlayer } from "./run_player";
 import { Actions, PictureControls } from "./picture_controls";
 import { LiveView } from "./live";

@@ -3,7 +3,7 @@ import { CArmPose, view_of } from "./c_arm_pose";
 import { Renderer, Style, kFull, kQuick } from "./compositing";
 import type { ComingReds } from "./gl";
 import type { SessionData, Surface } from "./data";
-import { DeviceShapes } from "./device_shape";
+import { InstrumentShapes } from "./instrument_shape";
 import { GreyWindow, automatic_window } from "./grey_window";
 import type { Outline } from "./overlay";
 import type { State } from "./state";
@@ -13,13 +13,13 @@ const kPicturesPerWindow = 3; // of a motion
 
 export class Picture {
   private renderer: Renderer;
-  private readonly run: DeviceShapes | null;
+  private readonly run: InstrumentShapes | null;
   private weights_key = "";
   private window_key = "";
   private since_coarse = 0; // pictures of a motion
   private coming_tau: ComingReds | null = null; // for the window of a motion
   private automatic: GreyWindow = { scale: 1, dark: 0, light: 1, gamma: 1, inverted: false };
-  /** Devices and contrast agent of a live session, as they are now. */
+  /** Instruments and contrast agent of a live session, as they are now. */
   live: readonly Surface[] = [];
   /** Where the C-arm stood when the picture was taken that is held; null: the picture follows the C-arm. */
   held_pose: CArmPose | null = null;
@@ -28,7 +28,7 @@ export class Picture {
 
   private constructor(private readonly gl: WebGL2RenderingContext, private readonly data: SessionData) {
     this.renderer = new Renderer(gl, data.map, data.tau);
-    this.run = data.run && new DeviceShapes(data.run);
+    this.run = data.run && new InstrumentShapes(data.run);
   }
 
   /** None where the browser has no WebGL 2. Throws where it cannot draw into textures of floats. */

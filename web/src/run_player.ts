@@ -1,6 +1,6 @@
 // The run: play, scrub, speed.
 import type { Run } from "./data";
-import { length_s, picture_at } from "./device_shape";
+import { length_s, picture_at } from "./instrument_shape";
 import type { Store } from "./state";
 import { Loads, LoadChart } from "./load_chart";
 
@@ -24,7 +24,7 @@ export class RunPlayer {
     element("run-player").hidden = false;
     this.time.max = String(length_s(run));
     this.time.step = String(run.step_s);
-    this.chart = new LoadChart(run.devices.map(({ name }) => name), (hub) => this.loads(hub));
+    this.chart = new LoadChart(run.instruments.map(({ name }) => name), (hub) => this.loads(hub));
     this.play.addEventListener("click", () => this.toggle());
     this.time.addEventListener("input", () => {
       this.stop();
@@ -59,8 +59,8 @@ export class RunPlayer {
   }
 
   private loads(hub: number): Loads {
-    const { name, force_N, torque_mNm } = this.run.devices[hub]!;
-    return { device: name, force_N, torque_mNm, length_s: length_s(this.run), now: picture_at(this.run, this.store.state.time_s) };
+    const { name, force_N, torque_mNm } = this.run.instruments[hub]!;
+    return { instrument: name, force_N, torque_mNm, length_s: length_s(this.run), now: picture_at(this.run, this.store.state.time_s) };
   }
 
   private show(time_s: number): void {

@@ -2,7 +2,7 @@
 import { CArmPose, limited } from "./c_arm_pose";
 import type { Look } from "./compositing";
 import type { SessionData } from "./data";
-import { fullest_s, length_s } from "./device_shape";
+import { fullest_s, length_s } from "./instrument_shape";
 import type { GreyWindow } from "./grey_window";
 import { clamp } from "./vectors";
 

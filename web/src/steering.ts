@@ -1,4 +1,4 @@
-// Steering the devices of a live session: keys as in the viewer's window, and buttons for fingers.
+// Steering the instruments of a live session: keys as in the viewer's window, and buttons for fingers.
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
 /** What is held down. */

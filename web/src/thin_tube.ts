@@ -1,4 +1,4 @@
-// A device that is thinner than a pixel darkens it by its share of it: it is drawn about a pixel thick, and what it absorbs
+// An instrument that is thinner than a pixel darkens it by its share of it: it is drawn about a pixel thick, and what it absorbs
 // across stays the same (viewer/xraycast/scene/thin_tube.hpp).
 import type { Surface } from "./data";
 import { Vec3, dot, minus } from "./vectors";

@@ -87,8 +87,8 @@ std::vector<double> useful_knots_hu(const Opacity& opacity) {
 Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vector<double> knots_hu,
                  Progress& progress) {
   validate_knots(knots_hu, "basis");
-  if (geometry.projection != Projection::cylinder)
-    throw InputError("only cylinder maps have a basis, not a {}", to_string(geometry.projection));
+  if (geometry.ray_layout != RayLayout::cylinder)
+    throw InputError("only cylinder maps have a basis, not a {}", to_string(geometry.ray_layout));
   const DeviceRays rays(scan, geometry);
   ComputeDevice& device = scan.device();
   const std::int64_t tiles = tile_count(geometry);

@@ -52,7 +52,7 @@ std::string header_of(const Basis& basis) {
   const MapGeometry& geometry = basis.geometry;
   json centres = json::array();
   for (const glm::dvec2& centre : geometry.centre_mm) centres.push_back({centre.x, centre.y});
-  json header{{"projection", to_string(geometry.projection)},
+  json header{{"projection", to_string(geometry.ray_layout)},
               {"width", geometry.width},
               {"height", geometry.height},
               {"radii_mm", geometry.radii_mm},
@@ -114,7 +114,7 @@ class HeaderReader {
 Basis basis_of(const HeaderReader& header, const std::string& name) {
   Basis basis;
   if (const auto projection = header.get<std::string>("projection");
-      projection != to_string(Projection::cylinder))
+      projection != to_string(RayLayout::cylinder))
     throw InputError("{}: header field projection is '{}', which this version does not know", name,
                      excerpt(projection));
   MapGeometry& geometry = basis.geometry;

@@ -159,7 +159,7 @@ Extents around_point(const MapGeometry& map, const OutlineFinder& finder) {
 
 MapGeometry fit_to_body(const MapGeometry& circles, const OutlineFinder& finder) {
   Extents extents =
-      circles.projection == Projection::sphere ? around_point(circles, finder) : around_axis(circles, finder);
+      circles.ray_layout == RayLayout::sphere ? around_point(circles, finder) : around_axis(circles, finder);
   // A circle within which there is no skin lies in the body, which then is all around it, or beside it.
   if (extents.nearest_mm() > circles.radius_mm() && !extents.are_all_around())
     throw InputError(

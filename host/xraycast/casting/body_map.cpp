@@ -96,11 +96,11 @@ ExrPart part_of_layer(const BodyMap& map, const StoredValues& stored, int layer)
     set("outline", geometry.has_outline() ? 1 : 0);
   }
   if (!stored.byte_ranges.empty()) set("byte_ranges", stored.byte_ranges.dump());
-  set("projection", to_string(geometry.projection));
+  set("projection", to_string(geometry.ray_layout));
   set("radii_mm", json(geometry.radii_mm).dump());
   set("centre_mm", centres_to_json(geometry.centre_mm).dump());
-  if (geometry.projection == Projection::sphere) set("centre_z_mm", json(geometry.centre_z_mm).dump());
-  if (geometry.projection == Projection::rectangle) set("views", json(geometry.views).dump());
+  if (geometry.ray_layout == RayLayout::sphere) set("centre_z_mm", json(geometry.centre_z_mm).dump());
+  if (geometry.ray_layout == RayLayout::rectangle) set("views", json(geometry.views).dump());
   set("top_mm", json(geometry.top_mm).dump());
   set("row_spacing_mm", json(geometry.row_spacing_mm).dump());
   set("step_mm", json(geometry.step_mm).dump());
@@ -131,7 +131,7 @@ std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geomet
   const auto width = static_cast<std::ptrdiff_t>(geometry.width);
   std::vector<float> rows(static_cast<std::size_t>(width) * geometry.height);
   file.read(part, false, {{kOutlineChannel, rows}});
-  bool are_alike = geometry.projection == Projection::cylinder;
+  bool are_alike = geometry.ray_layout == RayLayout::cylinder;
   for (auto row = rows.begin() + width; are_alike && row != rows.end(); row += width)
     are_alike = std::equal(row, row + width, rows.begin());
   if (are_alike) rows.resize(static_cast<std::size_t>(width));
@@ -149,7 +149,7 @@ json attribute(const ExrReader& file, const std::string& name, const std::string
 MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   MapGeometry geometry;
   try {
-    geometry.projection = parse_projection(file.text("xraycast:projection"));
+    geometry.ray_layout = parse_ray_layout(file.text("xraycast:projection"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:projection: {}", path, error.what());
   }
@@ -168,8 +168,8 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   read("top_mm", geometry.top_mm);
   read("row_spacing_mm", geometry.row_spacing_mm);
   read("step_mm", geometry.step_mm);
-  if (geometry.projection == Projection::sphere) read("centre_z_mm", geometry.centre_z_mm);
-  if (geometry.projection == Projection::rectangle) {
+  if (geometry.ray_layout == RayLayout::sphere) read("centre_z_mm", geometry.centre_z_mm);
+  if (geometry.ray_layout == RayLayout::rectangle) {
     const auto views = whole_number(attribute(file, "views", path));
     if (!views || !std::in_range<int>(*views))
       throw InputError("{}: attribute xraycast:views is not a number of views", path);

@@ -18,7 +18,7 @@ CastResult cast_shells(const ResidentScan& scan, const MapGeometry& geometry, co
   const cl::Buffer tau =
       device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(result.map.tau.size() * sizeof(float)));
 
-  const bool is_sphere = geometry.projection == Projection::sphere;
+  const bool is_sphere = geometry.ray_layout == RayLayout::sphere;
   cl::Kernel kernel =
       device.kernel(is_sphere ? "sphere" : "cylinder", is_sphere ? "cast_sphere" : "cast_cylinder",
                     device_opacity.build_options() + rays.build_options());
@@ -68,8 +68,8 @@ CastResult cast_rectangles(const ResidentScan& scan, const MapGeometry& geometry
 
 CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
                 Progress& progress) {
-  return geometry.projection == Projection::rectangle ? cast_rectangles(scan, geometry, opacity, progress)
-                                                      : cast_shells(scan, geometry, opacity, progress);
+  return geometry.ray_layout == RayLayout::rectangle ? cast_rectangles(scan, geometry, opacity, progress)
+                                                     : cast_shells(scan, geometry, opacity, progress);
 }
 
 }  // namespace xraycast

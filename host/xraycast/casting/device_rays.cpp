@@ -77,8 +77,8 @@ XrcMap map_of(const MapGeometry& geometry) {
 DeviceRays::DeviceRays(const ResidentScan& scan, const MapGeometry& geometry)
     : scan_(scan), geometry_(geometry) {
   validate(geometry, "map");
-  if (geometry.projection == Projection::rectangle) throw InputError("a rectangle map has no shells");
-  if (geometry.projection == Projection::cylinder && geometry.height != scan.geometry().size.z)
+  if (geometry.ray_layout == RayLayout::rectangle) throw InputError("a rectangle map has no shells");
+  if (geometry.ray_layout == RayLayout::cylinder && geometry.height != scan.geometry().size.z)
     throw InputError(
         "a map of {} rows does not match a scan of {} slices; give the scan that it was cast from",
         geometry.height, scan.geometry().size.z);
@@ -86,7 +86,7 @@ DeviceRays::DeviceRays(const ResidentScan& scan, const MapGeometry& geometry)
   azimuths_ = upload_directions(device, geometry.width, [&](int column) { return geometry.phi_rad(column); });
   scales_ = upload_scales(device, geometry);
   shells_ = device.upload(std::span<const XrcShell>(shells_of(geometry)));
-  if (geometry.projection == Projection::cylinder)
+  if (geometry.ray_layout == RayLayout::cylinder)
     centres_ = upload_centres(device, geometry, scan.geometry());
   else
     polars_ = upload_directions(device, geometry.height, [&](int row) { return geometry.theta_rad(row); });
@@ -116,7 +116,7 @@ std::string DeviceRays::build_options() const {
 }
 
 int DeviceRays::slices_per_item() const {
-  return geometry_.projection == Projection::sphere || !has_rows_alike() ? 1 : scan_.slices_per_item();
+  return geometry_.ray_layout == RayLayout::sphere || !has_rows_alike() ? 1 : scan_.slices_per_item();
 }
 
 cl::Buffer upload_scales(ComputeDevice& device, const MapGeometry& geometry) {

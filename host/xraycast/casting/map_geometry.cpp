@@ -41,7 +41,7 @@ double step_within(const std::vector<double>& radii_mm, double most_mm) {
 
 void validate_outline(const MapGeometry& geometry, const std::string& name) {
   const std::size_t width = static_cast<std::size_t>(geometry.width), size = geometry.outline_mm.size();
-  if (geometry.projection == Projection::rectangle)
+  if (geometry.ray_layout == RayLayout::rectangle)
     throw InputError("{}: a rectangle map has no outline", name);
   if (size != width && size != width * static_cast<std::size_t>(geometry.height))
     throw InputError("{}: an outline of {} radii for {} x {} texels", name, size, geometry.width,
@@ -62,21 +62,21 @@ void validate_outline(const MapGeometry& geometry, const std::string& name) {
 
 FieldOfView field_of(const VolumeGeometry& volume) { return {volume.lower_mm(), volume.upper_mm()}; }
 
-std::string to_string(Projection projection) {
-  switch (projection) {
-    case Projection::cylinder:
+std::string to_string(RayLayout ray_layout) {
+  switch (ray_layout) {
+    case RayLayout::cylinder:
       return "cylinder";
-    case Projection::sphere:
+    case RayLayout::sphere:
       return "sphere";
-    case Projection::rectangle:
+    case RayLayout::rectangle:
       return "rectangle";
   }
   return {};
 }
 
-Projection parse_projection(const std::string& name) {
-  for (const Projection projection : {Projection::cylinder, Projection::sphere, Projection::rectangle})
-    if (to_string(projection) == name) return projection;
+RayLayout parse_ray_layout(const std::string& name) {
+  for (const RayLayout ray_layout : {RayLayout::cylinder, RayLayout::sphere, RayLayout::rectangle})
+    if (to_string(ray_layout) == name) return ray_layout;
   throw InputError("unknown projection '{}'; choose cylinder, sphere or rectangle", excerpt(name));
 }
 
@@ -132,7 +132,7 @@ double MapGeometry::reach_mm(int column, int row) const {
   if (!field) return radius_mm();
   const double phi = phi_rad(column), theta = theta_rad(row);
   glm::dvec3 from(centre_of_row_mm(row), centre_z_mm), along(std::sin(phi), -std::cos(phi), 0);
-  if (projection == Projection::sphere)
+  if (ray_layout == RayLayout::sphere)
     along = {std::sin(theta) * along.x, std::sin(theta) * along.y, std::cos(theta)};
   along *= scale(column, row);
   double samples = radius_mm() / step_mm;
@@ -167,7 +167,7 @@ MapGeometry sphere_map(const VolumeGeometry& volume, int angles, std::vector<dou
                        const glm::dvec3& centre_mm) {
   check_within(volume, centre_mm);
   MapGeometry map;
-  map.projection = Projection::sphere;
+  map.ray_layout = RayLayout::sphere;
   map.width = angles;
   map.height = std::max(1, angles / 2);
   map.radii_mm = std::move(radii_mm);
@@ -191,7 +191,7 @@ MapGeometry rectangle_map(const VolumeGeometry& volume, int views, double radius
     return static_cast<int>(count);
   };
   MapGeometry map;
-  map.projection = Projection::rectangle;
+  map.ray_layout = RayLayout::rectangle;
   map.views = views;
   map.width = pixels(2 * radius_mm);
   map.height = pixels(static_cast<double>(volume.size.z) * volume.spacing_mm.z);
@@ -222,7 +222,7 @@ void validate(const MapGeometry& geometry, const std::string& name) {
     throw InputError("{}: {} angles, but there must be 1 to {}", name, geometry.width, kMaxAngles);
   if (geometry.height < 1 || geometry.height > 65536)
     throw InputError("{}: height is {}", name, geometry.height);
-  if (geometry.projection == Projection::rectangle && (geometry.views < 1 || geometry.views > kMaxViews))
+  if (geometry.ray_layout == RayLayout::rectangle && (geometry.views < 1 || geometry.views > kMaxViews))
     throw InputError("{}: {} views, but there must be 1 to {}", name, geometry.views, kMaxViews);
   if (geometry.radii_mm.size() < 2 || geometry.radii_mm.size() > kMaxLayers + 1)
     throw InputError("{}: {} radii, but there must be 2 to {}", name, geometry.radii_mm.size(),

@@ -12,16 +12,16 @@
 namespace xraycast {
 
 /// The rays along which a body map sums attenuation.
-enum class Projection {
+enum class RayLayout {
   cylinder,   ///< outwards from the body's axis, within each slice
   sphere,     ///< outwards from a point, in all directions
   rectangle,  ///< parallel, across the body: one picture per view angle
 };
 
-std::string to_string(Projection projection);
+std::string to_string(RayLayout ray_layout);
 
 /// Throws InputError, naming the valid ones, for another name.
-Projection parse_projection(const std::string& name);
+RayLayout parse_ray_layout(const std::string& name);
 
 /// How the radii of concentric shells are spaced.
 enum class RadiiRule {
@@ -65,7 +65,7 @@ FieldOfView field_of(const VolumeGeometry& volume);
 /// the
 ///   one from the other side. Pixels are row_spacing_mm wide and high, columns centred on the axis.
 struct MapGeometry {
-  Projection projection = Projection::cylinder;
+  RayLayout ray_layout = RayLayout::cylinder;
   int width = 360;  ///< angles, or pixels of a picture
   int height = 0;   ///< slices, or polar angles
   int views = 0;    ///< rectangle only
@@ -88,7 +88,7 @@ struct MapGeometry {
   std::optional<FieldOfView> field{};
 
   int layers() const {
-    return projection == Projection::rectangle ? views : static_cast<int>(radii_mm.size()) - 1;
+    return ray_layout == RayLayout::rectangle ? views : static_cast<int>(radii_mm.size()) - 1;
   }
   double radius_mm() const { return radii_mm.back(); }
   bool has_outline() const { return !outline_mm.empty(); }

@@ -64,7 +64,7 @@ std::vector<RaySegment> within_plane_outline(const RaySegment& ray, const MapGeo
 
 /// In any outline, looked for in steps of a millimetre.
 std::vector<RaySegment> within_outline(const RaySegment& ray, const MapGeometry& geometry) {
-  const bool is_sphere = geometry.projection == Projection::sphere;
+  const bool is_sphere = geometry.ray_layout == RayLayout::sphere;
   const glm::dvec3 centre(geometry.centre_mm[0], geometry.centre_z_mm);
   const auto is_within = [&](double share) {
     const glm::dvec3 place = glm::mix(ray.start_mm, ray.end_mm, share), p = place - centre;
@@ -97,7 +97,7 @@ std::vector<RaySegment> within_outline(const RaySegment& ray, const MapGeometry&
 
 std::vector<PixelSegment> segments_within(const View& view, const MapGeometry& geometry) {
   const auto rays = rays_within(view, geometry);
-  const bool is_plane = geometry.has_plane_outline() && geometry.projection == Projection::cylinder;
+  const bool is_plane = geometry.has_plane_outline() && geometry.ray_layout == RayLayout::cylinder;
   std::optional<OutlineCrossings> outline;
   if (geometry.has_outline() && is_plane) outline.emplace(geometry);
   std::vector<std::vector<RaySegment>> parts(rays.size());
@@ -118,7 +118,7 @@ std::vector<PixelSegment> segments_within(const View& view, const MapGeometry& g
 std::vector<std::optional<RaySegment>> rays_within(const View& view, const MapGeometry& geometry) {
   if (geometry.centre_mm.size() > 1)
     throw InputError("a map with a curved axis cannot be compared; cast it with a straight axis");
-  const bool is_sphere = geometry.projection == Projection::sphere;
+  const bool is_sphere = geometry.ray_layout == RayLayout::sphere;
   const glm::dvec3 centre(geometry.centre_mm[0], geometry.centre_z_mm);
   const double top_mm = geometry.z_mm(-0.5), bottom_mm = geometry.z_mm(geometry.height - 0.5);
   std::vector<std::optional<RaySegment>> rays;

@@ -84,10 +84,10 @@ CastResult cast_by_slabs(ComputeDevice& device, SliceSource& source, const MapGe
                          const Opacity& opacity, std::int64_t slab_slices, LoadTimings& timings,
                          Progress& progress) {
   const VolumeGeometry& volume = source.geometry();
-  if (geometry.projection != Projection::cylinder)
+  if (geometry.ray_layout != RayLayout::cylinder)
     throw InputError(
         "a {} map needs the whole scan at once, since its rays cross slices; raise the memory limit",
-        to_string(geometry.projection));
+        to_string(geometry.ray_layout));
   if (!geometry.has_plane_outline())
     throw InputError(
         "an outline that differs from slice to slice needs the whole scan at once; raise the memory limit");

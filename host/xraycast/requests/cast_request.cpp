@@ -44,12 +44,12 @@ bool has_shares(const CastRequest& request) {
 
 /// Rejects fields that have no effect on the chosen projection.
 void check_applies(const CastRequest& request) {
-  const auto check = [&](bool is_given, const char* field, std::initializer_list<Projection> projections) {
+  const auto check = [&](bool is_given, const char* field, std::initializer_list<RayLayout> projections) {
     if (is_given && std::ranges::find(projections, request.projection) == projections.end())
       throw InputError("`{}` does not apply to `projection` {}; leave it out", field,
                        to_string(request.projection));
   };
-  using enum Projection;
+  using enum RayLayout;
   check(request.layers.has_value(), "layers", {cylinder, sphere});
   check(request.radii.has_value(), "radii", {cylinder, sphere});
   check(request.angles.has_value(), "angles", {cylinder, sphere});
@@ -73,7 +73,7 @@ void check_values(const CastRequest& request) {
   if (const std::vector<double>* edges = given_edges(request); edges && edges->size() < 2)
     reject_radii(listed(*edges));
   const std::size_t numbers = request.centre_mm.size();
-  if (numbers != 0 && numbers != 2 && !(numbers == 3 && request.projection == Projection::sphere))
+  if (numbers != 0 && numbers != 2 && !(numbers == 3 && request.projection == RayLayout::sphere))
     throw InputError("`centre_mm` {}: must be X,Y in mm, and for a sphere also X,Y,Z",
                      listed(request.centre_mm));
 }
@@ -82,7 +82,7 @@ void check_values(const CastRequest& request) {
 std::vector<double> resolve_knots(const CastRequest& request) {
   if (!request.knots_hu) return {};
   const auto* opacity = std::get_if<Opacity>(&request.opacity);
-  if (!opacity || request.projection != Projection::cylinder)
+  if (!opacity || request.projection != RayLayout::cylinder)
     throw InputError("only cylinder maps cast with an opacity have a basis");
   const std::vector<double>& given = *request.knots_hu;
   std::vector<double> knots_hu = given.empty() ? useful_knots_hu(*opacity) : given;
@@ -119,7 +119,7 @@ std::optional<std::string> radius_hint(const CastRequest& request, const BodyOut
   const bool is_free = request.centre_mm.empty() && !request.radius_mm && request.centre_line.empty() &&
                        !request.radii && !request.has_body_outline();
   const double radius_99_mm = std::ceil(body.radius_99_mm);
-  if (!is_free || request.projection != Projection::cylinder || request.layers.value_or(1) < 2 ||
+  if (!is_free || request.projection != RayLayout::cylinder || request.layers.value_or(1) < 2 ||
       radius_99_mm >= kMuch * body.radius_mm)
     return {};
   return fmt::format(
@@ -181,10 +181,10 @@ MapGeometry resolve_cylinder(const CastRequest& request, const VolumeGeometry& v
 
 MapGeometry resolve_geometry(const CastRequest& request, const VolumeGeometry& volume,
                              const BodyOutline& outline) {
-  if (request.projection == Projection::rectangle)
+  if (request.projection == RayLayout::rectangle)
     return rectangle_map(volume, request.views.value_or(kViews), outline.radius_mm, outline.centre_mm);
-  return request.projection == Projection::sphere ? resolve_sphere(request, volume, outline)
-                                                  : resolve_cylinder(request, volume, outline);
+  return request.projection == RayLayout::sphere ? resolve_sphere(request, volume, outline)
+                                                 : resolve_cylinder(request, volume, outline);
 }
 
 /// The same with shells that follow the body, unless circles are asked for. Where there is no body, and its
@@ -287,7 +287,7 @@ Casting cast_slabs(const CastRequest& request, const ScanOpener& open, Scan scan
 /// then need less memory, and therefore less time.
 bool is_best_by_slabs(const CastRequest& request, const VolumeGeometry& volume) {
   return volume.size.z > kMaxSlabSlices && !request.centre_mm.empty() && request.radius_mm &&
-         request.centre_line.empty() && !request.knots_hu && request.projection == Projection::cylinder &&
+         request.centre_line.empty() && !request.knots_hu && request.projection == RayLayout::cylinder &&
          !request.has_body_outline() && std::holds_alternative<Opacity>(request.opacity);
 }
 
@@ -306,10 +306,10 @@ RadiiRule parse_radii_rule(const std::string& name) {
   reject_radii(name);
 }
 
-std::vector<double> centre_of(const VesselTree& tree, Projection projection) {
+std::vector<double> centre_of(const VesselTree& tree, RayLayout ray_layout) {
   const glm::dvec3 centre_mm = centroid_mm(tree);
   std::vector<double> numbers{centre_mm.x, centre_mm.y};
-  if (projection == Projection::sphere) numbers.push_back(centre_mm.z);
+  if (ray_layout == RayLayout::sphere) numbers.push_back(centre_mm.z);
   return numbers;
 }
 
@@ -328,7 +328,7 @@ void check(const CastRequest& request) {
   check_iodine(request.iodine, request.opacity);
   resolve_knots(request);
   MapGeometry of_one_row;
-  of_one_row.projection = request.projection;
+  of_one_row.ray_layout = request.projection;
   of_one_row.width = request.angles.value_or(kAngles);
   of_one_row.height = 1;
   of_one_row.views = request.views.value_or(kViews);

@@ -27,7 +27,7 @@ RadiiRule parse_radii_rule(const std::string& name);
 /// From a scan to a body map, and to its basis where that is asked for. What is not given follows from the
 /// scan's body. Messages name the fields in backquotes, for with_names().
 struct CastRequest {
-  Projection projection = Projection::cylinder;
+  RayLayout projection = RayLayout::cylinder;
   std::optional<int> layers{};  ///< of cylinder and sphere; 1, or what `radii` make
   std::optional<int> angles{};  ///< of cylinder and sphere, a turn; 360
   std::optional<int> views{};   ///< of a rectangle; 36
@@ -50,12 +50,12 @@ struct CastRequest {
   bool measures_outside = false;                  ///< see Casting::outside_share
 
   bool has_body_outline() const {
-    return projection != Projection::rectangle && outline != ShellOutline::circle;
+    return projection != RayLayout::rectangle && outline != ShellOutline::circle;
   }
 };
 
 /// The centroid of a tree as CastRequest::centre_mm.
-std::vector<double> centre_of(const VesselTree& tree, Projection projection);
+std::vector<double> centre_of(const VesselTree& tree, RayLayout ray_layout);
 
 /// What a request makes.
 struct Casting {

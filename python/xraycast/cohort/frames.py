@@ -32,7 +32,7 @@ def write_frames(scan, folder, options, vessels, name):
         if lengths:
             picture.add_vessels(lengths)
         if run:
-            picture.add_device(run.next_shape())
+            picture.add_instrument(run.next_shape())
         picture.write(folder / f"{number:04}.png")
         picture.describe(document, number, f"{number:04}.png")
     (folder / "coco.json").write_text(json.dumps(document) + "\n", encoding="utf-8")
@@ -100,10 +100,10 @@ class Picture:
         # At the edge of the mask half a voxel's length is interpolated.
         self._labels.append((VESSEL, through > 0.5 * min(lengths.spacing_mm), {}))
 
-    def add_device(self, device):
-        depths = self._frame.absorption(devices=device)
+    def add_instrument(self, instrument):
+        depths = self._frame.absorption(instruments=instrument)
         self._tau += depths
-        tip = project_points(device.nodes_mm[-1:], self._K, self._RT)[0]
+        tip = project_points(instrument.nodes_mm[-1:], self._K, self._RT)[0]
         is_seen = 0 <= round(tip[0]) < self._tau.shape[1] and 0 <= round(tip[1]) < self._tau.shape[0]
         keypoints = [round(float(tip[0]), 2), round(float(tip[1]), 2), 2 if is_seen else 0]
         self._labels.append((CATHETER, depths > 0, {"keypoints": keypoints, "num_keypoints": int(is_seen)}))

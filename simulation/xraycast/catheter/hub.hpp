@@ -4,7 +4,7 @@
 
 namespace xraycast {
 
-/// The most coaxial devices whose hubs a hand moves.
+/// The most coaxial instruments whose hubs a hand moves.
 inline constexpr std::size_t kMaxHubs = 3;
 
 /// The pose of the hub, the catheter's outer end, which the hand holds.

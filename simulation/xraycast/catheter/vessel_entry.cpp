@@ -123,7 +123,7 @@ void check_fits(const VesselTree& tree, const VesselEnd& entry, const Instrument
                                end.position_mm.z(), end.branch, 2 * end.radius_mm);
   throw InputError("{}: its diameter of {} does not fit into branch {}, which has {:.3g} mm at its end; {}",
                    instrument.name(), diameter_text(instrument), entry.branch, 2 * entry.radius_mm,
-                   wide_enough.empty() ? "nor into any other end; choose a thinner device"
+                   wide_enough.empty() ? "nor into any other end; choose a thinner instrument"
                                        : "choose another entry, such as " + wide_enough);
 }
 

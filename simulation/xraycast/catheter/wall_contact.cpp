@@ -129,7 +129,7 @@ bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
   // Within a vessel the clearance changes by little more than the point moves.
   constexpr double kMaxSlope = 1.5;
   const double moved_mm2 = (point_mm - states_[index].sampled_at_mm).squaredNorm();
-  // What is in another device only needs to know its vessel.
+  // What is in another instrument only needs to know its vessel.
   constexpr double kCoveredMove_mm = 0.5;
   if (states_[index].is_covered && moved_mm2 < squared(kCoveredMove_mm)) {
     contacts_[index].depth_mm = 0;
@@ -197,7 +197,7 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index, double bare_m
   state.start_mm = contact.point.position_mm(rod.state());
   state.introducer_uJ = introducer_energy_uJ(state.start_mm, index);
   update_hint(index);
-  // What was sampled within another device has no depth.
+  // What was sampled within another instrument has no depth.
   if (had_no_depth && !state.is_covered) sample_wall(index, state.start_mm);
   if (contact.depth_mm > 0) return begin_friction(rod.state().edges[contact.point.edge].tangent, index);
   state.friction.limit_mN = 0;

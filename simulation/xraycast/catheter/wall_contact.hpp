@@ -83,7 +83,7 @@ class WallContact final : public ExternalPotential {
     Eigen::Vector2d start_slip_mm{0, 0};       ///< the same in t1, t2, as the step begins
     double introducer_mN_mm = 0, introducer_uJ = 0;
     Eigen::Vector3d sampled_at_mm{0, 0, 0};
-    bool is_covered = false;   ///< by another device
+    bool is_covered = false;   ///< by another instrument
     bool was_covered = false;  ///< as the last step ended
   };
   /// Four contacts whose friction is evaluated at once. Those beyond `count` repeat the first one.

@@ -37,10 +37,10 @@ bool is_low_enough(double reached_uJ, double before_uJ, double scale, double mod
 
 void check_fits_inside(const InstrumentModel& outer, const InstrumentModel& inner) {
   if (inner.radius_mm() < outer.inner_radius_mm()) return;
-  constexpr const char* kOrder = "list the outermost device first";
+  constexpr const char* kOrder = "list the outermost instrument first";
   if (outer.inner_radius_mm() == 0)
     throw InputError(
-        "{}: it has no lumen for {}; {}, and a device with an \"inner_radius_mm\" around another",
+        "{}: it has no lumen for {}; {}, and an instrument with an \"inner_radius_mm\" around another",
         outer.name(), inner.name(), kOrder);
   if (outer.radius_mm() < inner.inner_radius_mm())
     throw InputError(
@@ -66,10 +66,10 @@ void CoaxialRods::reserve() {
   system_.reserve(nodes);
 }
 
-void CoaxialRods::check_fit(std::size_t device, const InstrumentModel& instrument) const {
+void CoaxialRods::check_fit(std::size_t instrument, const InstrumentModel& model) const {
   for (std::size_t d = 0; d < count(); ++d) {
-    if (d < device) check_fits_inside(rods_[d].instrument(), instrument);
-    if (d > device) check_fits_inside(instrument, rods_[d].instrument());
+    if (d < instrument) check_fits_inside(rods_[d].instrument(), model);
+    if (d > instrument) check_fits_inside(model, rods_[d].instrument());
   }
 }
 
@@ -92,38 +92,38 @@ void CoaxialRods::couple(std::size_t outer, std::size_t inner) {
   }
 }
 
-void CoaxialRods::replace(std::size_t device, Rod rod) {
-  check_fit(device, rod.instrument());
-  rods_[device] = std::move(rod);
+void CoaxialRods::replace(std::size_t instrument, Rod rod) {
+  check_fit(instrument, rod.instrument());
+  rods_[instrument] = std::move(rod);
   reserve();
-  for (std::size_t outer = 0; outer < device; ++outer) couple(outer, device);
-  for (std::size_t inner = device + 1; inner < count(); ++inner) couple(device, inner);
+  for (std::size_t outer = 0; outer < instrument; ++outer) couple(outer, instrument);
+  for (std::size_t inner = instrument + 1; inner < count(); ++inner) couple(instrument, inner);
   is_moved_ = true;
 }
 
-void CoaxialRods::rotate_to(std::size_t device, double rotation_rad) {
-  is_moved_ = is_moved_ || rotation_rad != rods_[device].clamp().rotation_rad;
-  rods_[device].rotate_to(rotation_rad);
+void CoaxialRods::rotate_to(std::size_t instrument, double rotation_rad) {
+  is_moved_ = is_moved_ || rotation_rad != rods_[instrument].clamp().rotation_rad;
+  rods_[instrument].rotate_to(rotation_rad);
 }
 
-void CoaxialRods::feed_to(std::size_t device, double fed_mm) {
-  Rod& rod = rods_[device];
+void CoaxialRods::feed_to(std::size_t instrument, double fed_mm) {
+  Rod& rod = rods_[instrument];
   const auto before = static_cast<std::ptrdiff_t>(rod.node_count());
   const double fed_before_mm = rod.fed_mm();
-  rod.feed_to(fed_mm, externals_[device]);
+  rod.feed_to(fed_mm, externals_[instrument]);
   is_moved_ = is_moved_ || rod.fed_mm() != fed_before_mm;
   const std::ptrdiff_t by = static_cast<std::ptrdiff_t>(rod.node_count()) - before;
   if (by == 0) return;
   for (LumenContact& lumen : lumens_) {
-    if (lumen.outer() == device) lumen.outer_nodes_changed(by);
-    if (lumen.inner() == device) lumen.inner_nodes_changed(by);
+    if (lumen.outer() == instrument) lumen.outer_nodes_changed(by);
+    if (lumen.inner() == instrument) lumen.inner_nodes_changed(by);
   }
 }
 
-double CoaxialRods::bare_mm(std::size_t device) const {
-  double bare_mm = rods_[device].fed_mm();
-  for (std::size_t outer = 0; outer < device; ++outer)
-    bare_mm = std::min(bare_mm, std::max(0.0, reaches_[lumen_index(outer, device)].beyond_mm));
+double CoaxialRods::bare_mm(std::size_t instrument) const {
+  double bare_mm = rods_[instrument].fed_mm();
+  for (std::size_t outer = 0; outer < instrument; ++outer)
+    bare_mm = std::min(bare_mm, std::max(0.0, reaches_[lumen_index(outer, instrument)].beyond_mm));
   return bare_mm;
 }
 

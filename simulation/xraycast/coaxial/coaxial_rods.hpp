@@ -24,27 +24,29 @@ class CoaxialRods {
 
   std::size_t count() const { return rods_.size(); }
   const std::vector<Rod>& rods() const { return rods_; }
-  const Rod& rod(std::size_t device) const { return rods_[device]; }
+  const Rod& rod(std::size_t instrument) const { return rods_[instrument]; }
   const std::vector<LumenContact>& lumens() const { return lumens_; }
 
   /// A potential that acts on a rod, or none; it must outlive the steps.
-  void set_external(std::size_t device, ExternalPotential* external) { externals_[device] = external; }
-  void set_load_N(std::size_t device, std::size_t from_tip, const Eigen::Vector3d& force_N) {
-    rods_[device].set_load_N(from_tip, force_N);
+  void set_external(std::size_t instrument, ExternalPotential* external) {
+    externals_[instrument] = external;
   }
-  void rotate_to(std::size_t device, double rotation_rad);
-  void feed_to(std::size_t device, double fed_mm);
+  void set_load_N(std::size_t instrument, std::size_t from_tip, const Eigen::Vector3d& force_N) {
+    rods_[instrument].set_load_N(from_tip, force_N);
+  }
+  void rotate_to(std::size_t instrument, double rotation_rad);
+  void feed_to(std::size_t instrument, double fed_mm);
 
   /// Another rod for one. Throws InputError, and changes nothing, where it does not fit.
-  void replace(std::size_t device, Rod rod);
+  void replace(std::size_t instrument, Rod rod);
 
   void step(double dt_s);
   /// The last step ended before it came to the most iterations that the first rod's options allow for the
   /// nodes of all.
   bool is_solved() const { return is_solved_; }
 
-  /// The length of a device beyond the tips of all those around it, as the last step began.
-  double bare_mm(std::size_t device) const;
+  /// The length of an instrument beyond the tips of all those around it, as the last step began.
+  double bare_mm(std::size_t instrument) const;
 
   /// Elastic, kinetic, and in the lumens, in joule.
   double energy_J() const;
@@ -61,7 +63,7 @@ class CoaxialRods {
   std::size_t lumen_index(std::size_t outer, std::size_t inner) const {
     return inner * (inner - 1) / 2 + outer;
   }
-  void check_fit(std::size_t device, const InstrumentModel& instrument) const;
+  void check_fit(std::size_t instrument, const InstrumentModel& model) const;
   void reserve();
   void couple(std::size_t outer, std::size_t inner);
   void find_reach(std::size_t lumen);

@@ -9,7 +9,7 @@
 namespace xraycast {
 namespace {
 
-// The straight sheath outside the tree through which devices enter: its length.
+// The straight sheath outside the tree through which instruments enter: its length.
 constexpr double kIntroducer_mm = 20;
 
 /// Throws InputError.
@@ -20,16 +20,16 @@ const std::vector<InstrumentModel>& checked(const VesselTree& tree, const Vessel
   return instruments;
 }
 
-double node_spacing_mm(const VesselTree& tree, const InstrumentModel& instrument) {
+double node_spacing_mm(const VesselTree& tree, const InstrumentModel& model) {
   constexpr double kMinSpacing_mm = 1.5, kMaxSpacing_mm = 5;
   double min_radius_mm = kMaxSpacing_mm;
   for (const VesselBranch& branch : tree.branches())
     for (const VesselPoint& point : branch.points)
-      if (point.radius_mm > instrument.radius_mm()) min_radius_mm = std::min(min_radius_mm, point.radius_mm);
+      if (point.radius_mm > model.radius_mm()) min_radius_mm = std::min(min_radius_mm, point.radius_mm);
   return std::clamp(1.5 * min_radius_mm, kMinSpacing_mm, kMaxSpacing_mm);
 }
 
-/// Where devices are fed in: the introducer's outer end.
+/// Where instruments are fed in: the introducer's outer end.
 Rod::Clamp clamp_at(const VesselEnd& entry) {
   const Eigen::Vector3d axis = -entry.outward;
   return {.position_mm = entry.position_mm + kIntroducer_mm * entry.outward,
@@ -46,11 +46,11 @@ std::shared_ptr<const LumenDistanceField> lumen_with_introducer(const VesselTree
 
 }  // namespace
 
-double max_insertion_mm(const InstrumentModel& instrument) { return instrument.length_mm() - kIntroducer_mm; }
+double max_insertion_mm(const InstrumentModel& model) { return model.length_mm() - kIntroducer_mm; }
 
 void check_instruments(const std::vector<InstrumentModel>& instruments) {
   if (instruments.empty() || instruments.size() > Instruments::kMaxCount)
-    throw InputError("{} devices; give one to {}, the outermost first", instruments.size(),
+    throw InputError("{} instruments; give one to {}, the outermost first", instruments.size(),
                      Instruments::kMaxCount);
   for (std::size_t outer = 0; outer < instruments.size(); ++outer)
     for (std::size_t inner = outer + 1; inner < instruments.size(); ++inner)
@@ -73,11 +73,10 @@ Instruments::Instruments(const VesselTree& tree, const std::vector<InstrumentMod
   settle(rods_);
 }
 
-Rod Instruments::make_rod(const InstrumentModel& instrument) const {
-  const double spacing_mm =
-      options_.spacing_mm > 0 ? options_.spacing_mm : node_spacing_mm(tree_, instrument);
-  return {instrument,
-          instrument.stations_mm(spacing_mm),
+Rod Instruments::make_rod(const InstrumentModel& model) const {
+  const double spacing_mm = options_.spacing_mm > 0 ? options_.spacing_mm : node_spacing_mm(tree_, model);
+  return {model,
+          model.stations_mm(spacing_mm),
           clamp_at(entry_),
           kIntroducer_mm,
           {.max_iterations = options_.max_iterations, .max_node_iterations = options_.max_node_iterations}};
@@ -85,14 +84,14 @@ Rod Instruments::make_rod(const InstrumentModel& instrument) const {
 
 std::vector<Rod> Instruments::make_rods(const std::vector<InstrumentModel>& instruments) const {
   std::vector<Rod> rods;
-  for (const InstrumentModel& instrument : instruments) rods.push_back(make_rod(instrument));
+  for (const InstrumentModel& model : instruments) rods.push_back(make_rod(model));
   return rods;
 }
 
-std::unique_ptr<WallContact> Instruments::make_wall(const CoaxialRods& rods, std::size_t device) const {
-  const Rod& rod = rods.rod(device);
+std::unique_ptr<WallContact> Instruments::make_wall(const CoaxialRods& rods, std::size_t instrument) const {
+  const Rod& rod = rods.rod(instrument);
   std::optional<WallContact::Introducer> introducer;
-  if (device == 0) introducer = {entry_.position_mm, -entry_.outward};
+  if (instrument == 0) introducer = {entry_.position_mm, -entry_.outward};
   return std::make_unique<WallContact>(
       field_, rod,
       WallContact::Options{.stiffness_N_mm2 = options_.wall_stiffness_N_mm2,
@@ -107,8 +106,8 @@ void Instruments::settle(CoaxialRods& rods) {
   for (int i = 0; i < 200; ++i) rods.step(0.01);
 }
 
-double Instruments::max_insertion_mm(std::size_t device) const {
-  return xraycast::max_insertion_mm(rod(device).instrument());
+double Instruments::max_insertion_mm(std::size_t instrument) const {
+  return xraycast::max_insertion_mm(rod(instrument).instrument());
 }
 
 void Instruments::step(std::span<const HubPose> targets) {
@@ -124,67 +123,67 @@ void Instruments::step(std::span<const HubPose> targets) {
 
 bool Instruments::is_held() const { return std::ranges::any_of(hubs_, &MovingHub::is_held); }
 
-HubLoad Instruments::load(std::size_t device) const {
-  const Rod& of = rod(device);
+HubLoad Instruments::load(std::size_t instrument) const {
+  const Rod& of = rod(instrument);
   return {.force_N = -of.clamp_force_N().dot(of.clamp().axis), .torque_Nm = -of.clamp_torque_Nm()};
 }
 
-InstrumentTip Instruments::tip(std::size_t device) const {
-  const LumenDistanceField::Sample& sample = wall(device).contacts().back().sample;
-  return {.position_mm = to_glm(rod(device).state().nodes_mm.back()),
-          .direction = to_glm(rod(device).state().edges.back().tangent),
+InstrumentTip Instruments::tip(std::size_t instrument) const {
+  const LumenDistanceField::Sample& sample = wall(instrument).contacts().back().sample;
+  return {.position_mm = to_glm(rod(instrument).state().nodes_mm.back()),
+          .direction = to_glm(rod(instrument).state().edges.back().tangent),
           .branch = sample.hint.branch,
           .arc_length_mm = sample.arc_length_mm};
 }
 
-void Instruments::copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const {
+void Instruments::copy_nodes(std::size_t instrument, std::vector<glm::dvec3>& nodes_mm) const {
   nodes_mm.clear();
-  for (const Eigen::Vector3d& node : rod(device).state().nodes_mm) nodes_mm.push_back(to_glm(node));
+  for (const Eigen::Vector3d& node : rod(instrument).state().nodes_mm) nodes_mm.push_back(to_glm(node));
 }
 
-void Instruments::copy_contacts(std::size_t device, std::vector<InstrumentContact>& contacts) const {
+void Instruments::copy_contacts(std::size_t instrument, std::vector<InstrumentContact>& contacts) const {
   contacts.clear();
-  for (const WallContact::Contact& contact : wall(device).contacts())
+  for (const WallContact::Contact& contact : wall(instrument).contacts())
     if (contact.depth_mm > 0)
-      contacts.push_back({to_glm(contact.point.position_mm(rod(device).state())),
+      contacts.push_back({to_glm(contact.point.position_mm(rod(instrument).state())),
                           to_glm(contact.normal_N + contact.friction_N)});
 }
 
-bool Instruments::has_free_lumen(std::size_t device) const {
-  if (rod(device).instrument().inner_radius_mm() == 0) return false;
-  for (std::size_t inner = device + 1; inner < count(); ++inner)
+bool Instruments::has_free_lumen(std::size_t instrument) const {
+  if (rod(instrument).instrument().inner_radius_mm() == 0) return false;
+  for (std::size_t inner = instrument + 1; inner < count(); ++inner)
     if (!is_drawn_back(inner)) return false;
   return true;
 }
 
 std::optional<std::size_t> Instruments::free_lumen() const {
-  for (std::size_t device = 0; device < count(); ++device)
-    if (has_free_lumen(device)) return device;
+  for (std::size_t instrument = 0; instrument < count(); ++instrument)
+    if (has_free_lumen(instrument)) return instrument;
   return std::nullopt;
 }
 
-void Instruments::exchange(std::size_t device, const InstrumentModel& instrument) {
-  if (!is_drawn_back(device))
+void Instruments::exchange(std::size_t instrument, const InstrumentModel& model) {
+  if (!is_drawn_back(instrument))
     throw InputError("{}: inserted by {:.4g} mm; draw it back to 0 before {} takes its place",
-                     rod(device).instrument().name(), pose(device).insertion_mm, instrument.name());
+                     rod(instrument).instrument().name(), pose(instrument).insertion_mm, model.name());
   std::vector<InstrumentModel> instruments;
   for (std::size_t d = 0; d < count(); ++d)
-    instruments.push_back(d == device ? instrument : rod(d).instrument());
+    instruments.push_back(d == instrument ? model : rod(d).instrument());
   checked(tree_, entry_, instruments);
 
   // The new one relaxes among copies of the others, which themselves stay as they are.
   CoaxialRods rods = rods_;
-  rods.replace(device, make_rod(instrument));
+  rods.replace(instrument, make_rod(model));
   Walls walls(count());
   for (std::size_t d = 0; d < count(); ++d) {
-    walls[d] = d == device ? make_wall(rods, d) : std::make_unique<WallContact>(*walls_[d]);
+    walls[d] = d == instrument ? make_wall(rods, d) : std::make_unique<WallContact>(*walls_[d]);
     rods.set_external(d, walls[d].get());
   }
   settle(rods);
-  rods_.replace(device, rods.rod(device));
-  walls_[device] = std::move(walls[device]);
-  rods_.set_external(device, walls_[device].get());
-  hubs_[device] = {};
+  rods_.replace(instrument, rods.rod(instrument));
+  walls_[instrument] = std::move(walls[instrument]);
+  rods_.set_external(instrument, walls_[instrument].get());
+  hubs_[instrument] = {};
 }
 
 double Instruments::energy_J() const {

@@ -19,7 +19,7 @@
 namespace xraycast {
 
 /// How far an instrument can be inserted: its length beyond the introducer.
-double max_insertion_mm(const InstrumentModel& instrument);
+double max_insertion_mm(const InstrumentModel& model);
 
 /// The location of a catheter's tip.
 struct InstrumentTip {
@@ -40,7 +40,7 @@ struct InstrumentContact {
 ///
 /// All enter at a vessel's end through an introducer, a straight sheath of 20 mm outside the tree; the rods
 /// are simulated from the introducer's outer end to their tips and fed in and out there. At an insertion of 0
-/// a tip is at the vessel's end. The introducer holds the outermost device, which holds the others.
+/// a tip is at the vessel's end. The introducer holds the outermost instrument, which holds the others.
 class Instruments {
  public:
   struct Options {
@@ -49,20 +49,20 @@ class Instruments {
     double spacing_mm = 0;
     double step_s = 1e-3;
     double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
-    /// Of Newton's method in a step, and that times the nodes of all devices, so that its work is bounded: 50
-    /// iterations, or 5,000 divided by the nodes where there are more than 100. While a tip snaps there would
-    /// be some hundred: what is left is solved in the next steps. Not by the clock, so that runs can be
-    /// repeated; the time follows the processor, at some 0.5 to 1.5 us for a node's iteration. The slowest
-    /// steps seen, of three devices on busy machines, took 9 ms in a malformation and 5 to 12 ms in other
-    /// trees.
+    /// Of Newton's method in a step, and that times the nodes of all instruments, so that its work is
+    /// bounded: 50 iterations, or 5,000 divided by the nodes where there are more than 100. While a tip snaps
+    /// there would be some hundred: what is left is solved in the next steps. Not by the clock, so that runs
+    /// can be repeated; the time follows the processor, at some 0.5 to 1.5 us for a node's iteration. The
+    /// slowest steps seen, of three instruments on busy machines, took 9 ms in a malformation and 5 to 12 ms
+    /// in other trees.
     int max_iterations = 50, max_node_iterations = 5'000;
   };
 
   static constexpr std::size_t kMaxCount = 3;
 
-  /// A device counts as drawn back up to this insertion. A catheter that is pushed over it drags it along,
-  /// and the spring between the hand and its hub (see CouplingSettings) yields: by 0.55 mm to a J wire in a
-  /// Cobra that was pushed into the thorax phantom.
+  /// An instrument counts as drawn back up to this insertion. A catheter that is pushed over it drags it
+  /// along, and the spring between the hand and its hub (see CouplingSettings) yields: by 0.55 mm to a J wire
+  /// in a Cobra that was pushed into the thorax phantom.
   static constexpr double kDrawnBack_mm = 1;
 
   /// `instruments` from the outermost on. Throws InputError where one does not fit into the one around it,
@@ -72,39 +72,41 @@ class Instruments {
   Instruments(const VesselTree& tree, const std::vector<InstrumentModel>& instruments, const VesselEnd& entry)
       : Instruments(tree, instruments, entry, Options{}) {}
 
-  /// One step in time towards a pose for each device, whose insertion is clamped to 0 to max_insertion_mm().
+  /// One step in time towards a pose for each instrument, whose insertion is clamped to 0 to
+  /// max_insertion_mm().
   void step(std::span<const HubPose> targets);
 
   std::size_t count() const { return rods_.count(); }
   double time_s() const { return static_cast<double>(steps_) * options_.step_s; }
   double step_s() const { return options_.step_s; }
-  double max_insertion_mm(std::size_t device) const;
+  double max_insertion_mm(std::size_t instrument) const;
 
-  const HubPose& pose(std::size_t device) const { return hubs_[device].pose; }  ///< where the hub is
-  /// The hub did not advance: the push force is MovingHub::kMaxPush_N already. Without a device, any of them.
+  const HubPose& pose(std::size_t instrument) const { return hubs_[instrument].pose; }  ///< where the hub is
+  /// The hub did not advance: the push force is MovingHub::kMaxPush_N already. Without an instrument, any of
+  /// them.
   bool is_held() const;
-  bool is_held(std::size_t device) const { return hubs_[device].is_held; }
-  HubLoad load(std::size_t device) const;
-  InstrumentTip tip(std::size_t device) const;
+  bool is_held(std::size_t instrument) const { return hubs_[instrument].is_held; }
+  HubLoad load(std::size_t instrument) const;
+  InstrumentTip tip(std::size_t instrument) const;
 
-  /// All devices within it are drawn back to 0 (see kDrawnBack_mm), so that contrast agent can be injected
-  /// through it.
-  bool has_free_lumen(std::size_t device) const;
-  std::optional<std::size_t> free_lumen() const;  ///< the outermost device that has one
+  /// All instruments within it are drawn back to 0 (see kDrawnBack_mm), so that contrast agent can be
+  /// injected through it.
+  bool has_free_lumen(std::size_t instrument) const;
+  std::optional<std::size_t> free_lumen() const;  ///< the outermost instrument that has one
 
-  /// Another instrument instead of a device that has been drawn back to 0 (see kDrawnBack_mm), at an
+  /// Another model instead of an instrument that has been drawn back to 0 (see kDrawnBack_mm), at an
   /// insertion of 0. The others do not move. Throws InputError, and changes nothing, when it has not been
   /// drawn back, or when the instruments that there would be do not fit (see the constructor).
-  void exchange(std::size_t device, const InstrumentModel& instrument);
+  void exchange(std::size_t instrument, const InstrumentModel& model);
 
-  /// A device's nodes from the introducer's outer end to its tip, and what touches the vessel's wall. Without
-  /// allocation where there is room.
-  void copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const;
-  void copy_contacts(std::size_t device, std::vector<InstrumentContact>& contacts) const;
+  /// An instrument's nodes from the introducer's outer end to its tip, and what touches the vessel's wall.
+  /// Without allocation where there is room.
+  void copy_nodes(std::size_t instrument, std::vector<glm::dvec3>& nodes_mm) const;
+  void copy_contacts(std::size_t instrument, std::vector<InstrumentContact>& contacts) const;
 
-  const Rod& rod(std::size_t device) const { return rods_.rod(device); }
+  const Rod& rod(std::size_t instrument) const { return rods_.rod(instrument); }
   const CoaxialRods& rods() const { return rods_; }
-  const WallContact& wall(std::size_t device) const { return *walls_[device]; }
+  const WallContact& wall(std::size_t instrument) const { return *walls_[instrument]; }
 
   /// Elastic, kinetic, in the lumens, and in the walls.
   double energy_J() const;
@@ -112,10 +114,10 @@ class Instruments {
  private:
   using Walls = std::vector<std::unique_ptr<WallContact>>;
 
-  bool is_drawn_back(std::size_t device) const { return pose(device).insertion_mm <= kDrawnBack_mm; }
-  Rod make_rod(const InstrumentModel& instrument) const;
+  bool is_drawn_back(std::size_t instrument) const { return pose(instrument).insertion_mm <= kDrawnBack_mm; }
+  Rod make_rod(const InstrumentModel& model) const;
   std::vector<Rod> make_rods(const std::vector<InstrumentModel>& instruments) const;
-  std::unique_ptr<WallContact> make_wall(const CoaxialRods& rods, std::size_t device) const;
+  std::unique_ptr<WallContact> make_wall(const CoaxialRods& rods, std::size_t instrument) const;
   static void settle(CoaxialRods& rods);
 
   VesselTree tree_;

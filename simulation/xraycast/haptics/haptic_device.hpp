@@ -15,10 +15,10 @@ struct HandPose {
   std::uint64_t count = 0;  ///< poses received so far: grows while the device is alive, moved or not
 };
 
-/// A device that commands the poses of the hubs, that of the outermost device being number 0, and renders
+/// A device that commands the poses of the hubs, that of the outermost instrument being number 0, and renders
 /// their loads to the hand.
 ///
-/// `pose`, `feel` and `go_on_from` are called at 1 kHz by the simulation's thread and must not block,
+/// `pose`, `set_load` and `go_on_from` are called at 1 kHz by the simulation's thread and must not block,
 /// whatever the device or a network does. `status` may be called by any other thread.
 class HapticDevice {
  public:
@@ -28,7 +28,7 @@ class HapticDevice {
   virtual HandPose pose(std::size_t hub) = 0;
 
   /// Renders `load` to the hand from now on.
-  virtual void feel(std::size_t hub, const HubLoad& load) = 0;
+  virtual void set_load(std::size_t hub, const HubLoad& load) = 0;
 
   /// The hub was moved here by another one: its poses go on from there.
   virtual void go_on_from(std::size_t hub, const HubPose& pose) = 0;

@@ -37,7 +37,7 @@ std::span<const HubPose> HubCouplings::step(std::span<const HubPose> hubs, std::
   for (std::size_t hub = 0; hub < hubs.size(); ++hub) {
     targets_[hub] = {hubs[hub].insertion_mm + move_mm,
                      hubs[hub].rotation_rad + to.rotation_rad - from.rotation_rad};
-    if (hub != leader_) device_.feel(hub, {});
+    if (hub != leader_) device_.set_load(hub, {});
   }
   return targets_;
 }
@@ -77,7 +77,7 @@ void HubCouplings::release(std::size_t hub, const HubPose& at) {
 void HubCouplings::lead(std::size_t hub, const HubPose& at, const HubLoad& load, double step_s) {
   couplings_[hub].synchronise(at);
   const VirtualCoupling::Step step = couplings_[hub].step(device_.pose(hub), load, step_s);
-  device_.feel(hub, step.felt);
+  device_.set_load(hub, step.felt);
   targets_[hub] = step.hub;
 }
 

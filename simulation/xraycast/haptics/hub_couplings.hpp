@@ -10,8 +10,8 @@
 
 namespace xraycast {
 
-/// Leads the hubs of coaxial devices by one haptic device, each through a virtual coupling, unless the device
-/// is rigid.
+/// Leads the hubs of coaxial instruments by one haptic device, each through a virtual coupling, unless the
+/// device is rigid.
 ///
 /// A locked valve clamps them together, as a rotating haemostatic valve on the outer one's hub does: they
 /// move as the hub that is held, whose hand feels the loads of all, and no further than all of them can.
@@ -29,7 +29,7 @@ class HubCouplings {
   /// steps.
   void replace(std::size_t hub, const HubPose& at, double max_insertion_mm);
 
-  /// A step from where the hubs are, with the devices' loads on them. Returns the poses to move to, valid
+  /// A step from where the hubs are, with the instruments' loads on them. Returns the poses to move to, valid
   /// until the next step.
   std::span<const HubPose> step(std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s);
 

@@ -29,7 +29,9 @@ HandPose IgtlinkDevice::pose(std::size_t hub) {
   return {{sent.pose.insertion_mm + by.insertion_mm, sent.pose.rotation_rad + by.rotation_rad}, sent.count};
 }
 
-void IgtlinkDevice::feel(std::size_t hub, const HubLoad& load) { server_->exchange.loads[hub].write(load); }
+void IgtlinkDevice::set_load(std::size_t hub, const HubLoad& load) {
+  server_->exchange.loads[hub].write(load);
+}
 
 void IgtlinkDevice::go_on_from(std::size_t hub, const HubPose& pose) {
   const SentPose& sent = hands_[hub];

@@ -28,13 +28,13 @@ class IgtlinkDevice final : public HapticDevice {
   /// Receives one line at a time, on the server's thread: connections and invalid messages.
   using Log = std::function<void(const std::string& line)>;
 
-  /// Listens from construction on, to poses of `hubs` devices, up to kMaxHubs; with none no client may move
-  /// one. Throws InputError where the address is not this machine's or the port is in use.
+  /// Listens from construction on, to poses of `hubs` instruments, up to kMaxHubs; with none no client may
+  /// move one. Throws InputError where the address is not this machine's or the port is in use.
   IgtlinkDevice(const ListenAddress& address, Log log, std::size_t hubs = 1, IgtlinkWatching watching = {});
   ~IgtlinkDevice() override;
 
   HandPose pose(std::size_t hub) override;
-  void feel(std::size_t hub, const HubLoad& load) override;
+  void set_load(std::size_t hub, const HubLoad& load) override;
   void go_on_from(std::size_t hub, const HubPose& pose) override;
   std::string status() const override;
 

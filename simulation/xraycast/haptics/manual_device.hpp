@@ -51,7 +51,7 @@ class ManualDevice final : public HapticDevice {
     of.driven = {pose.insertion_mm - of.jump_mm.load(std::memory_order_relaxed),
                  pose.rotation_rad - of.jump_rad.load(std::memory_order_relaxed)};
   }
-  void feel(std::size_t, const HubLoad&) override {}
+  void set_load(std::size_t, const HubLoad&) override {}
   std::string status() const override { return name_; }
 
  private:

@@ -23,7 +23,7 @@ class ScriptDevice final : public HapticDevice {
     return {script_.pose_at(kCall_s * static_cast<double>(count), hub), count};
   }
 
-  void feel(std::size_t, const HubLoad&) override {}
+  void set_load(std::size_t, const HubLoad&) override {}
   void go_on_from(std::size_t, const HubPose&) override {}
   bool is_rigid() const override { return true; }
   std::string status() const override { return name_; }

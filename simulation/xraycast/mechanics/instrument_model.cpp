@@ -126,7 +126,8 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
   check(p.static_friction, p.static_friction >= 0, origin, "static_friction", "it must be zero or more");
   check(p.kinetic_friction, p.kinetic_friction >= 0 && p.kinetic_friction <= p.static_friction, origin,
         "kinetic_friction", "it must lie between zero and \"static_friction\"");
-  if (p.sections.empty()) throw InputError("{}: \"sections\" is empty; a device has one or more", origin);
+  if (p.sections.empty())
+    throw InputError("{}: \"sections\" is empty; an instrument has one or more", origin);
   for (std::size_t i = 0; i < p.sections.size(); ++i) {
     const InstrumentSection& section = p.sections[i];
     const std::string where = fmt::format("{}: sections[{}]", origin, i);
@@ -137,7 +138,7 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
       check_above_zero(section.torsional_stiffness_Nmm2.*side, where, "torsional_stiffness_Nmm2");
       const double curvature = section.curvature_per_mm.*side;
       check(curvature, std::abs(curvature) * 2 * p.radius_mm <= 1, where, "curvature_per_mm",
-            "the bend is tighter than the device's own width");
+            "the bend is tighter than the instrument's own width");
     }
     starts_mm_.push_back(length_mm_);
     length_mm_ += section.length_mm;
@@ -148,7 +149,7 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
 InstrumentModel InstrumentModel::from_json(const std::string& text, const std::string& origin) {
   const Json json = parse_json(text, origin);
   if (!json.is_object())
-    throw InputError("{}: not a JSON object; see docs/simulation.md for the fields of a device model",
+    throw InputError("{}: not a JSON object; see docs/simulation.md for the fields of an instrument model",
                      origin);
   Properties p;
   p.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;
@@ -167,7 +168,7 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
   p.static_friction = number(json, origin, "static_friction");
   p.kinetic_friction = number(json, origin, "kinetic_friction");
   if (!json.contains("sections") || !json["sections"].is_array())
-    throw InputError("{}: \"sections\" is missing; it lists the device's sections, starting at the tip",
+    throw InputError("{}: \"sections\" is missing; it lists the instrument's sections, starting at the tip",
                      origin);
   for (const Json& part : json["sections"]) {
     const std::string where = fmt::format("{}: sections[{}]", origin, p.sections.size());
@@ -185,7 +186,7 @@ std::vector<std::string> InstrumentModel::preset_names() { return names_of(embed
 
 InstrumentModel InstrumentModel::named(const std::string& name_or_file) {
   return with_remedy(name_or_file, "correct the file", [&] {
-    return from_json(preset_json(embedded_instruments(), name_or_file, "device"), name_or_file);
+    return from_json(preset_json(embedded_instruments(), name_or_file, "instrument"), name_or_file);
   });
 }
 

@@ -80,8 +80,8 @@ class RodSystem {
   RodRows rows(std::size_t rod) const { return RodRows(rows_[rod]); }
 
   /// What acts on node 0 is left to the clamp, and its reaction does not count it: the introducer keeps
-  /// devices straight there, where they hardly touch. Several potentials of one pair, with the same weights
-  /// of the point, are written at once, since writing is what takes the time.
+  /// instruments straight there, where they hardly touch. Several potentials of one pair, with the same
+  /// weights of the point, are written at once, since writing is what takes the time.
   void add(const RodPair& pair, std::span<const PairDerivatives> derivatives);
 
   /// False unless the Hessian is positive definite.

@@ -87,8 +87,8 @@ std::string pack_pixels(const View& view, igtl_uint8 scalar_type, std::string_vi
 
 }  // namespace
 
-std::string numbered(const std::string& name, std::size_t device) {
-  return name + (device == 0 ? "" : std::to_string(device + 1));
+std::string numbered(const std::string& name, std::size_t instrument) {
+  return name + (instrument == 0 ? "" : std::to_string(instrument + 1));
 }
 
 static_assert(sizeof(igtl_image_header) == IGTL_IMAGE_HEADER_SIZE &&
@@ -116,7 +116,7 @@ std::string pack_image(const View& view, std::span<const std::uint16_t> codes) {
   return pack_pixels(view, IGTL_IMAGE_STYPE_TYPE_UINT16, bytes_of(codes));
 }
 
-std::string pack_points(std::size_t device, std::span<const glm::dvec3> controls_mm, double radius_mm) {
+std::string pack_points(std::size_t instrument, std::span<const glm::dvec3> controls_mm, double radius_mm) {
   std::vector<igtl_point_element> points(controls_mm.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
     igtl_point_element& point = points[i];
@@ -129,11 +129,11 @@ std::string pack_points(std::size_t device, std::span<const glm::dvec3> controls
     point.radius = static_cast<float>(radius_mm);
   }
   igtl_point_convert_byte_order(points.data(), static_cast<int>(points.size()));
-  return pack_message("POINT", numbered("Device", device),
+  return pack_message("POINT", numbered("Device", instrument),
                       std::string(bytes_of(std::span<const igtl_point_element>(points))));
 }
 
-std::string pack_tip(std::size_t device, const InstrumentTip& tip) {
+std::string pack_tip(std::size_t instrument, const InstrumentTip& tip) {
   const glm::dvec3 z = tip.direction;
   // Rodrigues' formula for the patient's x, with the rotation's axis (-z.y, z.x, 0) and cosine z.z.
   constexpr double kOpposite = -1 + 1e-9;
@@ -147,7 +147,7 @@ std::string pack_tip(std::size_t device, const InstrumentTip& tip) {
   set_vector(&matrix[6], z);
   set_vector(&matrix[9], tip.position_mm);
   igtl_transform_convert_byte_order(matrix.data());
-  return pack_message("TRANSFORM", numbered("Tip", device),
+  return pack_message("TRANSFORM", numbered("Tip", instrument),
                       std::string(bytes_of(std::span<const float>(matrix))));
 }
 

@@ -19,7 +19,7 @@ namespace xraycast {
 
 /// TRANSFORM.
 struct HubMove {
-  std::size_t hub = 0;  ///< of the device, from the outermost on
+  std::size_t hub = 0;  ///< of the instrument, from the outermost on
   HubPose pose;
 };
 
@@ -60,14 +60,13 @@ struct Complaint {
 /// stream is not trusted: a message is parsed after its checksum was verified, sizes are checked before
 /// anything is stored, and memory is the object's own and constant.
 ///
-/// TRANSFORM: its name Hub2 or Hub3 says that it is the second or third device's, CArm that it is the
-/// C-arm's; in a session the first device's is Hub and others are skipped, elsewhere any other name is the
-/// first device's. Insertion is the translation along z in mm; the
-/// rotation about z is the twist of the matrix's rotation about z, unwrapped to the turn nearest to the
-/// previous pose, so that a device must send at least twice a turn. GET_STATUS asks for a STATUS; requests
-/// for streams, the C-arm, and STRING are described above. Other types and damaged messages are skipped with
-/// a complaint. Framing depends on the headers: after an invalid one synchronisation, and with it the
-/// connection, is lost.
+/// TRANSFORM: its name Hub2 or Hub3 says that it is the second or third instrument's, CArm that it is the
+/// C-arm's; in a session the first instrument's is Hub and others are skipped, elsewhere any other name is
+/// the first instrument's. Insertion is the translation along z in mm; the rotation about z is the twist of
+/// the matrix's rotation about z, unwrapped to the turn nearest to the previous pose, so that a device must
+/// send at least twice a turn. GET_STATUS asks for a STATUS; requests for streams, the C-arm, and STRING are
+/// described above. Other types and damaged messages are skipped with a complaint. Framing depends on the
+/// headers: after an invalid one synchronisation, and with it the connection, is lost.
 ///
 /// Header versions 1 and 2 (with extended header and metadata) of the protocol,
 /// https://github.com/openigtlink/OpenIGTLink/blob/master/Documents/Protocol/index.md.
@@ -87,8 +86,8 @@ class IgtlinkReceiver {
   static constexpr double kMaxPosition_mm = 10000;
   static constexpr std::chrono::milliseconds kMaxInterval{60'000};
 
-  /// Of `hubs` devices, 1 to kMaxHubs. Each one's first rotation is unwrapped to the turn nearest to that in
-  /// `rotations_rad`.
+  /// Of `hubs` instruments, 1 to kMaxHubs. Each one's first rotation is unwrapped to the turn nearest to that
+  /// in `rotations_rad`.
   explicit IgtlinkReceiver(std::size_t hubs = 1, const Rotations& rotations_rad = {}, bool is_session = false)
       : hubs_(hubs), rotations_rad_(rotations_rad), is_session_(is_session) {}
 

@@ -21,8 +21,8 @@ struct HubOffset {
   std::uint64_t client = 0;
 };
 
-/// What a client asks for with GET_, STT_ and STP_: pictures (IMAGE), the devices' shapes (POINT) and their
-/// tips (TRANSFORM).
+/// What a client asks for with GET_, STT_ and STP_: pictures (IMAGE), the instruments' shapes (POINT) and
+/// their tips (TRANSFORM).
 enum class IgtlinkStream { image, point, transform };
 inline constexpr std::size_t kIgtlinkStreams = 3;
 

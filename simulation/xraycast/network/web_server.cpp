@@ -178,7 +178,7 @@ class WebServer::Server {
   }
   void enter(const std::shared_ptr<Browser>& browser);
   void leave(const std::shared_ptr<Browser>& browser);
-  void hear(const Browser& browser, bool is_text, std::string_view message);
+  void receive(const Browser& browser, bool is_text, std::string_view message);
 
   /// The newest state and its number; 0: there is none.
   const std::shared_ptr<const std::string>& newest() const { return newest_; }
@@ -271,8 +271,8 @@ class WebServer::Browser : public std::enable_shared_from_this<Browser> {
     socket_.async_read(incoming_, [self = shared_from_this()](error_code error, std::size_t) {
       if (error) return self->server_.leave(self);
       const auto bytes = self->incoming_.cdata();
-      self->server_.hear(*self, self->socket_.got_text(),
-                         {static_cast<const char*>(bytes.data()), bytes.size()});
+      self->server_.receive(*self, self->socket_.got_text(),
+                            {static_cast<const char*>(bytes.data()), bytes.size()});
       self->incoming_.clear();
       self->listen();
     });
@@ -445,7 +445,7 @@ std::shared_ptr<const std::string> WebServer::Server::role_of(const Browser& bro
       fmt::format(R"({{"steers":{},"browsers":{}}})", steers, browsers_.size()));
 }
 
-void WebServer::Server::hear(const Browser& browser, bool is_text, std::string_view message) {
+void WebServer::Server::receive(const Browser& browser, bool is_text, std::string_view message) {
   if (browsers_.empty() || browsers_.front().get() != &browser) return;
   if (is_text && events_.steer(message)) return;
   say("skipped", "a message of " + browser.name() + " was skipped: it is malformed");

@@ -4,13 +4,13 @@
 
 namespace xraycast {
 
-std::optional<std::size_t> agent_outlet(const Instruments& devices) {
-  const std::optional<std::size_t> free = devices.free_lumen();
-  if (!free || devices.rods().bare_mm(*free) > 0) return free;
+std::optional<std::size_t> agent_outlet(const Instruments& instruments) {
+  const std::optional<std::size_t> free = instruments.free_lumen();
+  if (!free || instruments.rods().bare_mm(*free) > 0) return free;
   // Of the tubes around its tip the agent leaves the one that reaches furthest.
   std::size_t furthest = 0;
   for (std::size_t outer = 1; outer < *free; ++outer)
-    if (devices.rod(outer).fed_mm() > devices.rod(furthest).fed_mm()) furthest = outer;
+    if (instruments.rod(outer).fed_mm() > instruments.rod(furthest).fed_mm()) furthest = outer;
   return furthest;
 }
 

@@ -48,7 +48,7 @@ std::vector<std::string> notes_on_entry(const RunRequest& request, const VesselE
     choices += " or " + choice_of(*request.tree, other);
   }
   return {
-      fmt::format("vessel ends lie equally low, within {:g} mm: the device enters at {}, and not at {}; "
+      fmt::format("vessel ends lie equally low, within {:g} mm: the instrument enters at {}, and not at {}; "
                   "choose by {}",
                   kEquallyLow_mm, text_of(*request.tree, entry), names, choices)};
 }
@@ -104,20 +104,20 @@ bool is_at(const HubPose& hub, const HubPose& pose) {
 /// Watches hubs on their way to a row's poses.
 class Approach {
  public:
-  Approach(const Script::Row& row, std::size_t devices)
-      : row_(row), nearest_mm_(devices, std::numeric_limits<double>::infinity()), since_s_(devices) {}
+  Approach(const Script::Row& row, std::size_t instruments)
+      : row_(row), nearest_mm_(instruments, std::numeric_limits<double>::infinity()), since_s_(instruments) {}
 
-  bool is_over(const Instruments& devices) const {
-    for (std::size_t d = 0; d < devices.count(); ++d)
-      if (!is_at(devices.pose(d), row_.pose_of(d))) return false;
+  bool is_over(const Instruments& instruments) const {
+    for (std::size_t d = 0; d < instruments.count(); ++d)
+      if (!is_at(instruments.pose(d), row_.pose_of(d))) return false;
     return true;
   }
 
   /// Throws InputError when a hub has come no nearer for long.
-  void check(const Instruments& devices, double time_s, const std::string& where) {
+  void check(const Instruments& instruments, double time_s, const std::string& where) {
     constexpr double kLongest_s = 5, kNearer_mm = 0.1;
-    for (std::size_t d = 0; d < devices.count(); ++d) {
-      const double insertion_mm = devices.pose(d).insertion_mm;
+    for (std::size_t d = 0; d < instruments.count(); ++d) {
+      const double insertion_mm = instruments.pose(d).insertion_mm;
       const double left_mm = std::abs(row_.pose_of(d).insertion_mm - insertion_mm);
       if (left_mm < nearest_mm_[d] - kNearer_mm || left_mm == 0) {
         nearest_mm_[d] = left_mm;
@@ -125,7 +125,7 @@ class Approach {
       } else if (time_s - since_s_[d] > kLongest_s) {
         throw InputError(
             "{}: {} stops at {:.0f} of {:.0f} mm, where {:g} N do not push it further; begin with less",
-            where, devices.rod(d).instrument().name(), insertion_mm, row_.pose_of(d).insertion_mm,
+            where, instruments.rod(d).instrument().name(), insertion_mm, row_.pose_of(d).insertion_mm,
             MovingHub::kMaxPush_N);
       }
     }
@@ -133,7 +133,7 @@ class Approach {
 
  private:
   const Script::Row& row_;
-  std::vector<double> nearest_mm_, since_s_;  ///< of each device
+  std::vector<double> nearest_mm_, since_s_;  ///< of each instrument
 };
 
 constexpr const char* kColumns =
@@ -153,8 +153,8 @@ std::string values_of(const RunRecord& r) {
       part(r.tip.arc_length_mm), r.contacts, r.contact_force_N, r.deepest_mm);
 }
 
-std::string columns_of(std::size_t device) {
-  return fmt::format(fmt::runtime(kColumns), device == 0 ? "" : fmt::format("_{}", device + 1));
+std::string columns_of(std::size_t instrument) {
+  return fmt::format(fmt::runtime(kColumns), instrument == 0 ? "" : fmt::format("_{}", instrument + 1));
 }
 
 }  // namespace
@@ -191,10 +191,11 @@ std::string text_of(const VesselTree& tree, const VesselEnd& end) {
                      side.empty() ? "" : ", on the patient's ", side);
 }
 
-std::vector<RunRecord> records_of(const Instruments& devices, double time_s) {
+std::vector<RunRecord> records_of(const Instruments& instruments, double time_s) {
   std::vector<RunRecord> records;
-  for (std::size_t d = 0; d < devices.count(); ++d)
-    records.push_back(record_of(time_s, devices.pose(d), devices.load(d), devices.tip(d), devices.wall(d)));
+  for (std::size_t d = 0; d < instruments.count(); ++d)
+    records.push_back(
+        record_of(time_s, instruments.pose(d), instruments.load(d), instruments.tip(d), instruments.wall(d)));
   return records;
 }
 
@@ -203,36 +204,36 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   if (!request.script) throw InputError("`script`: missing; without a hand it moves the hubs");
   const Script& script = *request.script;
   Run run{.entry = entry_of(request), .records = {}, .last = {}};
-  Instruments devices(*request.tree, request.instruments, run.entry);
-  std::vector<HubPose> poses(devices.count());
+  Instruments instruments(*request.tree, request.instruments, run.entry);
+  std::vector<HubPose> poses(instruments.count());
   const auto move_to = [&](double time_s) {
     for (std::size_t d = 0; d < poses.size(); ++d) poses[d] = script.pose_at(time_s, d);
-    devices.step(poses);
+    instruments.step(poses);
   };
   const Script::Row& first = script.rows().front();
-  Approach approach(first, devices.count());
-  while (!approach.is_over(devices)) {
+  Approach approach(first, instruments.count());
+  while (!approach.is_over(instruments)) {
     progress.check();
     move_to(first.time_s);
-    approach.check(devices, devices.time_s(), script.where(0));
+    approach.check(instruments, instruments.time_s(), script.where(0));
   }
 
   const auto tell = [&](double time_s) {
-    if (listener) listener(devices, time_s);
+    if (listener) listener(instruments, time_s);
     const double next_s = static_cast<double>(run.records.size()) * request.interval_s;
     if (request.interval_s > 0 && time_s >= next_s - kRounding_s)
-      run.records.push_back(records_of(devices, time_s));
+      run.records.push_back(records_of(instruments, time_s));
   };
   const auto step = [&](double time_s) {
     move_to(time_s);
-    if (devices.is_held()) run.held_s += devices.step_s();
+    if (instruments.is_held()) run.held_s += instruments.step_s();
     tell(time_s);
   };
   tell(0);
-  follow(script, devices.step_s(), progress, step, [&](const Script::Row& row) {
-    if (request.interval_s == 0) run.records.push_back(records_of(devices, row.time_s));
+  follow(script, instruments.step_s(), progress, step, [&](const Script::Row& row) {
+    if (request.interval_s == 0) run.records.push_back(records_of(instruments, row.time_s));
   });
-  run.last = records_of(devices, devices.time_s());
+  run.last = records_of(instruments, instruments.time_s());
   constexpr double kNoticed_s = 0.05;
   if (run.held_s >= kNoticed_s)
     run.notes.push_back(

@@ -16,7 +16,7 @@ namespace xraycast {
 /// Presets by their names, or JSON files. Throws InputError.
 std::vector<InstrumentModel> instruments_named(const std::vector<std::string>& names);
 
-/// Devices in a vessel tree, and what moves their hubs: a script, or a hand (see HapticDevice).
+/// Instruments in a vessel tree, and what moves their hubs: a script, or a hand (see HapticDevice).
 struct RunRequest {
   std::shared_ptr<const VesselTree> tree{};
   /// One to Instruments::kMaxCount, from the outermost on, one in the other.
@@ -27,18 +27,18 @@ struct RunRequest {
   double interval_s = 0;           ///< between records; 0: they are of the script's rows
 };
 
-/// Throws InputError for what cannot be run: no tree, devices that do not fit into each other or into the
+/// Throws InputError for what cannot be run: no tree, instruments that do not fit into each other or into the
 /// vessel at their entry, a script that inserts one beyond its length, and an injection through no lumen or
 /// after the script's end. Returns notes: where the entry was not chosen, other ends that lie as low.
 std::vector<std::string> check(const RunRequest& request);
 
-/// Where the outermost device enters. Throws as find_entry.
+/// Where the outermost instrument enters. Throws as find_entry.
 VesselEnd entry_of(const RunRequest& request);
 
 /// `branch 3 at (-89.0, -54.0, -357.0) mm, on the patient's right`.
 std::string text_of(const VesselTree& tree, const VesselEnd& end);
 
-/// A device's state in a run.
+/// An instrument's state in a run.
 struct RunRecord {
   double time_s = 0;
   HubPose pose;
@@ -49,27 +49,27 @@ struct RunRecord {
   double deepest_mm = 0;       ///< depth in the wall
 };
 
-/// A record of each device, from the outermost on.
-std::vector<RunRecord> records_of(const Instruments& devices, double time_s);
+/// A record of each instrument, from the outermost on.
+std::vector<RunRecord> records_of(const Instruments& instruments, double time_s);
 
 /// What a run leads to.
 struct Run {
   VesselEnd entry;
-  std::vector<std::vector<RunRecord>> records;  ///< in the order of time, of each device
-  std::vector<RunRecord> last;                  ///< of each device, at the time since it began to move
+  std::vector<std::vector<RunRecord>> records;  ///< in the order of time, of each instrument
+  std::vector<RunRecord> last;                  ///< of each instrument, at the time since it began to move
   double held_s = 0;                            ///< for so long a hub did not advance, because of the force
   std::vector<std::string> notes{};             ///< on the run, besides those of check()
 };
 
-/// Is told of the devices at 0 s, where the hubs are at the script's first poses, and after each step.
-using RunListener = std::function<void(const Instruments& devices, double time_s)>;
+/// Is told of the instruments at 0 s, where the hubs are at the script's first poses, and after each step.
+using RunListener = std::function<void(const Instruments& instruments, double time_s)>;
 
 /// Runs a script as fast as the machine can. Beforehand the hubs are moved to its first poses, unrecorded.
 /// Deterministic: bit for bit the same on one machine. Throws InputError as check() does, and for first poses
-/// that a device does not reach; and Cancelled.
+/// that an instrument does not reach; and Cancelled.
 Run run(const RunRequest& request, Progress& progress, const RunListener& listener = {});
 
-/// CSV: a header with the columns' names and units, then a line per record; a group of columns a device:
+/// CSV: a header with the columns' names and units, then a line per record; a group of columns an instrument:
 /// insertion_mm, insertion_2_mm and so on.
 std::string to_csv(const std::vector<std::vector<RunRecord>>& records);
 

@@ -28,10 +28,10 @@ std::vector<std::string> cells(const std::string& line) {
   return all;
 }
 
-/// The time, then each device's insertion and rotation.
-std::vector<std::string> column_names(std::size_t devices) {
+/// The time, then each instrument's insertion and rotation.
+std::vector<std::string> column_names(std::size_t instruments) {
   std::vector<std::string> names{"time_s", "insertion_mm", "rotation_deg"};
-  for (std::size_t d = 2; d <= devices; ++d) {
+  for (std::size_t d = 2; d <= instruments; ++d) {
     names.push_back(fmt::format("insertion_{}_mm", d));
     names.push_back(fmt::format("rotation_{}_deg", d));
   }
@@ -39,24 +39,26 @@ std::vector<std::string> column_names(std::size_t devices) {
 }
 
 std::string wanted_columns(const std::vector<std::string>& wanted) {
-  const std::size_t devices = (wanted.size() - 1) / 2;
-  return fmt::format("a script{} has {}", devices > 1 ? fmt::format(" of {} devices", devices) : "",
+  const std::size_t instruments = (wanted.size() - 1) / 2;
+  return fmt::format("a script{} has {}",
+                     instruments > 1 ? fmt::format(" of {} instruments", instruments) : "",
                      fmt::join(wanted, ","));
 }
 
-/// The devices that a script's columns are for.
-std::size_t devices_in(const std::vector<std::string>& names) {
-  std::size_t devices = 1;
-  while (std::ranges::find(names, column_names(devices + 1).back()) != names.end()) ++devices;
-  return devices;
+/// The instruments that a script's columns are for.
+std::size_t instruments_in(const std::vector<std::string>& names) {
+  std::size_t instruments = 1;
+  while (std::ranges::find(names, column_names(instruments + 1).back()) != names.end()) ++instruments;
+  return instruments;
 }
 
 /// Throws InputError for columns besides those wanted.
 void check_others(const std::vector<std::string>& names, const std::vector<std::string>& wanted,
                   const std::string& origin) {
-  if (const std::size_t devices = devices_in(names); wanted.size() < column_names(devices).size())
-    throw InputError("{}: line 1: a script of {} devices; give `instruments` for each, the outermost first",
-                     origin, devices);
+  if (const std::size_t instruments = instruments_in(names); wanted.size() < column_names(instruments).size())
+    throw InputError(
+        "{}: line 1: a script of {} instruments; give `instruments` for each, the outermost first", origin,
+        instruments);
   for (auto name = names.begin(); name != names.end(); ++name) {
     if (std::find(names.begin(), name, *name) != name)
       throw InputError("{}: line 1: column {} twice; {}", origin, excerpt(*name), wanted_columns(wanted));
@@ -134,8 +136,8 @@ void check_row(const Script& script, std::size_t r, const std::vector<std::strin
   if (row.time_s > Script::kMaxTime_s)
     throw InputError("{}: time_s {:g} is more than a day, {:g}; times are in seconds", where, row.time_s,
                      Script::kMaxTime_s);
-  const std::size_t devices = names.size() / 2;
-  for (std::size_t d = 0; d < devices; ++d)
+  const std::size_t instruments = names.size() / 2;
+  for (std::size_t d = 0; d < instruments; ++d)
     if (row.pose_of(d).insertion_mm < 0)
       throw InputError("{}: {} {} is below zero; at 0 the tip is at the vessel's end", where,
                        names[1 + 2 * d], row.pose_of(d).insertion_mm);
@@ -144,15 +146,15 @@ void check_row(const Script& script, std::size_t r, const std::vector<std::strin
   if (!(row.time_s > before.time_s))
     throw InputError("{}: time_s {} is not later than {}, that of {}", where, row.time_s, before.time_s,
                      place_of(script.rows(), r - 1));
-  for (std::size_t d = 0; d < devices; ++d)
+  for (std::size_t d = 0; d < instruments; ++d)
     check_pace(before.pose_of(d), row.pose_of(d), row.time_s - before.time_s, where,
                d == 0 ? "the hub" : fmt::format("hub {}", d + 1));
 }
 
 }  // namespace
 
-Script Script::parse(const std::string& text, const std::string& origin, std::size_t devices) {
-  const std::vector<std::string> names = column_names(devices);
+Script Script::parse(const std::string& text, const std::string& origin, std::size_t instruments) {
+  const std::vector<std::string> names = column_names(instruments);
   std::istringstream lines(text);
   std::string line;
   if (!std::getline(lines, line))
@@ -177,8 +179,8 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
     Row row;
     row.line = number_of_line;
     row.time_s = number(values[at[0]], names[0], where);
-    row.inner_poses.resize(devices - 1);
-    for (std::size_t d = 0; d < devices; ++d) {
+    row.inner_poses.resize(instruments - 1);
+    for (std::size_t d = 0; d < instruments; ++d) {
       HubPose& pose = d == 0 ? row.pose : row.inner_poses[d - 1];
       const std::size_t insertion = 1 + 2 * d, rotation = 2 + 2 * d;
       pose.insertion_mm = number(values[at[insertion]], names[insertion], where);
@@ -187,13 +189,13 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
     rows.push_back(row);
   }
   if (rows.empty()) throw InputError("{}: no rows after the first line", origin);
-  return of(std::move(rows), origin, devices);
+  return of(std::move(rows), origin, instruments);
 }
 
-Script Script::of(std::vector<Row> rows, const std::string& origin, std::size_t devices) {
+Script Script::of(std::vector<Row> rows, const std::string& origin, std::size_t instruments) {
   Script script(std::move(rows), origin);
   if (script.rows_.empty()) throw InputError("{}: no rows; give one at least", origin);
-  const std::vector<std::string> names = column_names(devices);
+  const std::vector<std::string> names = column_names(instruments);
   for (std::size_t r = 0; r < script.rows_.size(); ++r) check_row(script, r, names);
   return script;
 }
@@ -202,18 +204,18 @@ std::string Script::where(std::size_t row) const {
   return fmt::format("{}: {}", origin_, place_of(rows_, row));
 }
 
-Script Script::read(const std::filesystem::path& path, std::size_t devices) {
+Script Script::read(const std::filesystem::path& path, std::size_t instruments) {
   return with_remedy(path, "correct the script",
-                     [&] { return parse(read_whole_file(path), path.string(), devices); });
+                     [&] { return parse(read_whole_file(path), path.string(), instruments); });
 }
 
-HubPose Script::pose_at(double time_s, std::size_t device) const {
+HubPose Script::pose_at(double time_s, std::size_t instrument) const {
   const auto after = std::ranges::upper_bound(rows_, time_s, {}, &Row::time_s);
-  if (after == rows_.begin()) return rows_.front().pose_of(device);
-  if (after == rows_.end()) return rows_.back().pose_of(device);
+  if (after == rows_.begin()) return rows_.front().pose_of(instrument);
+  if (after == rows_.end()) return rows_.back().pose_of(instrument);
   const Row &from = *std::prev(after), &to = *after;
   const double fraction = (time_s - from.time_s) / (to.time_s - from.time_s);
-  const HubPose &start = from.pose_of(device), &end = to.pose_of(device);
+  const HubPose &start = from.pose_of(instrument), &end = to.pose_of(instrument);
   return {std::lerp(start.insertion_mm, end.insertion_mm, fraction),
           std::lerp(start.rotation_rad, end.rotation_rad, fraction)};
 }

@@ -9,16 +9,18 @@
 
 namespace xraycast {
 
-/// A recorded motion of the hubs of coaxial devices: poses at times, with linear interpolation.
+/// A recorded motion of the hubs of coaxial instruments: poses at times, with linear interpolation.
 class Script {
  public:
   struct Row {
     double time_s = 0;
-    HubPose pose;                      ///< of the outermost device
+    HubPose pose;                      ///< of the outermost instrument
     int line = 0;                      ///< of the file, from 1; 0: of none
-    std::vector<HubPose> inner_poses;  ///< of the devices in it, from outside on
+    std::vector<HubPose> inner_poses;  ///< of the instruments in it, from outside on
 
-    const HubPose& pose_of(std::size_t device) const { return device == 0 ? pose : inner_poses[device - 1]; }
+    const HubPose& pose_of(std::size_t instrument) const {
+      return instrument == 0 ? pose : inner_poses[instrument - 1];
+    }
   };
 
   static constexpr double kMaxTime_s = 86400;
@@ -29,13 +31,13 @@ class Script {
   /// number of values, a value that is not a finite number, a time below zero, beyond kMaxTime_s or not after
   /// the previous one, an insertion below zero, a hub motion faster than MovingHub::kMaxSpeed_mm_s or
   /// rotation faster than MovingHub::kMaxSpeed_rad_s, and a file without rows.
-  static Script parse(const std::string& text, const std::string& origin, std::size_t devices = 1);
+  static Script parse(const std::string& text, const std::string& origin, std::size_t instruments = 1);
 
   /// Of `devices` poses a row. Throws InputError as parse() does for values, naming the row.
-  static Script of(std::vector<Row> rows, const std::string& origin, std::size_t devices = 1);
+  static Script of(std::vector<Row> rows, const std::string& origin, std::size_t instruments = 1);
 
   /// Throws InputError.
-  static Script read(const std::filesystem::path& path, std::size_t devices = 1);
+  static Script read(const std::filesystem::path& path, std::size_t instruments = 1);
 
   const std::vector<Row>& rows() const { return rows_; }
   const std::string& origin() const { return origin_; }
@@ -44,7 +46,7 @@ class Script {
   std::string where(std::size_t row) const;
 
   /// The first row's pose before its time, the last row's after it.
-  HubPose pose_at(double time_s, std::size_t device = 0) const;
+  HubPose pose_at(double time_s, std::size_t instrument = 0) const;
 
  private:
   Script(std::vector<Row> rows, std::string origin) : rows_(std::move(rows)), origin_(std::move(origin)) {}

@@ -51,14 +51,14 @@ void raise_priority() {
 
 }  // namespace
 
-SimulationLoop::SimulationLoop(std::unique_ptr<Instruments> devices, Hand hand, Exchanged exchanged)
-    : devices_(std::move(devices)),
+SimulationLoop::SimulationLoop(std::unique_ptr<Instruments> instruments, Hand hand, Exchanged exchanged)
+    : instruments_(std::move(instruments)),
       hand_(std::move(hand)),
       exchanged_(std::move(exchanged)),
-      hubs_(devices_->count()),
-      loads_(devices_->count()),
+      hubs_(instruments_->count()),
+      loads_(instruments_->count()),
       histogram_(kBins, 0) {
-  next_.inner.resize(devices_->count() - 1);
+  next_.inner.resize(instruments_->count() - 1);
   list_instruments();
   publish();
   thread_ = std::thread([this] { run(); });
@@ -69,9 +69,9 @@ SimulationLoop::~SimulationLoop() {
   thread_.join();
 }
 
-void SimulationLoop::exchange(std::size_t device, const InstrumentModel& instrument) {
+void SimulationLoop::exchange(std::size_t instrument, const InstrumentModel& model) {
   const std::lock_guard lock(request_mutex_);
-  request_ = Request{device, instrument};
+  request_ = Request{instrument, model};
   is_asked_ = true;
 }
 
@@ -85,41 +85,42 @@ bool SimulationLoop::exchange_if_asked() {
     is_asked_ = false;
   }
   if (!request) return false;
-  const auto& [device, instrument] = *request;
+  const auto& [instrument, model] = *request;
   ++next_.exchanges;
   try {
-    devices_->exchange(device, instrument);
+    instruments_->exchange(instrument, model);
     next_.refusal.reset();
     list_instruments();
-    if (exchanged_) exchanged_(device, instrument);
+    if (exchanged_) exchanged_(instrument, model);
   } catch (const InputError& error) {
-    next_.refusal = std::make_shared<const ExchangeRefusal>(ExchangeRefusal{device, error.what()});
+    next_.refusal = std::make_shared<const ExchangeRefusal>(ExchangeRefusal{instrument, error.what()});
   }
   return true;
 }
 
 void SimulationLoop::list_instruments() {
   std::vector<InstrumentModel> instruments;
-  for (std::size_t d = 0; d < devices_->count(); ++d) instruments.push_back(devices_->rod(d).instrument());
+  for (std::size_t d = 0; d < instruments_->count(); ++d)
+    instruments.push_back(instruments_->rod(d).instrument());
   next_.instruments = std::make_shared<const std::vector<InstrumentModel>>(std::move(instruments));
 }
 
 void SimulationLoop::publish() {
-  next_.time_s = devices_->time_s();
-  next_.agent_outlet = agent_outlet(*devices_);
+  next_.time_s = instruments_->time_s();
+  next_.agent_outlet = agent_outlet(*instruments_);
   publish(0, next_);
-  for (std::size_t d = 1; d < devices_->count(); ++d) publish(d, next_.inner[d - 1]);
+  for (std::size_t d = 1; d < instruments_->count(); ++d) publish(d, next_.inner[d - 1]);
   snapshots_.write(next_);
 }
 
-void SimulationLoop::publish(std::size_t device, DeviceSnapshot& snapshot) {
-  hubs_[device] = snapshot.pose = devices_->pose(device);
-  loads_[device] = snapshot.load = devices_->load(device);
-  snapshot.tip = devices_->tip(device);
-  snapshot.nodes_mm.reserve(devices_->rod(device).max_nodes());
-  snapshot.contacts.reserve(devices_->rod(device).max_nodes());
-  devices_->copy_nodes(device, snapshot.nodes_mm);
-  devices_->copy_contacts(device, snapshot.contacts);
+void SimulationLoop::publish(std::size_t instrument, InstrumentSnapshot& snapshot) {
+  hubs_[instrument] = snapshot.pose = instruments_->pose(instrument);
+  loads_[instrument] = snapshot.load = instruments_->load(instrument);
+  snapshot.tip = instruments_->tip(instrument);
+  snapshot.nodes_mm.reserve(instruments_->rod(instrument).max_nodes());
+  snapshot.contacts.reserve(instruments_->rod(instrument).max_nodes());
+  instruments_->copy_nodes(instrument, snapshot.nodes_mm);
+  instruments_->copy_contacts(instrument, snapshot.contacts);
 }
 
 void SimulationLoop::count(double step_ms, bool is_late) {
@@ -145,7 +146,7 @@ void SimulationLoop::run() {
 void SimulationLoop::step_until_stopped() {
   raise_priority();
   const auto period =
-      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(devices_->step_s()));
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(instruments_->step_s()));
   auto begin = Clock::now();
   while (!stops_) {
     if (exchange_if_asked()) {
@@ -153,7 +154,7 @@ void SimulationLoop::step_until_stopped() {
       begin = Clock::now();
     }
     const Stopwatch stopwatch;
-    devices_->step(hand_(hubs_, loads_, devices_->step_s()));
+    instruments_->step(hand_(hubs_, loads_, instruments_->step_s()));
     publish();
     begin += period;
     const auto now = Clock::now();

@@ -26,8 +26,8 @@ struct LoopTiming {
   double longest_ms = 0;
 };
 
-/// A device's state at one time.
-struct DeviceSnapshot {
+/// An instrument's state at one time.
+struct InstrumentSnapshot {
   HubPose pose;
   HubLoad load;
   InstrumentTip tip;
@@ -37,13 +37,13 @@ struct DeviceSnapshot {
 
 /// Why an exchange was refused, in one line that says what to do.
 struct ExchangeRefusal {
-  std::size_t device = 0;
+  std::size_t instrument = 0;
   std::string why;
 };
 
-/// The state of coaxial devices at one time: that of the outermost, and of those in it.
-struct CatheterSnapshot : DeviceSnapshot {
-  std::vector<DeviceSnapshot> inner;  ///< from outside on
+/// The state of coaxial instruments at one time: that of the outermost, and of those in it.
+struct CatheterSnapshot : InstrumentSnapshot {
+  std::vector<InstrumentSnapshot> inner;  ///< from outside on
   /// From the outermost on; another list after each exchange.
   std::shared_ptr<const std::vector<InstrumentModel>> instruments;
   std::shared_ptr<const ExchangeRefusal> refusal;  ///< of the last exchange; null: it was made, or none was
@@ -53,12 +53,12 @@ struct CatheterSnapshot : DeviceSnapshot {
   LoopTiming timing;
 
   std::size_t count() const { return 1 + inner.size(); }
-  const DeviceSnapshot& device(std::size_t number) const {
-    return number == 0 ? static_cast<const DeviceSnapshot&>(*this) : inner[number - 1];
+  const InstrumentSnapshot& instrument(std::size_t number) const {
+    return number == 0 ? static_cast<const InstrumentSnapshot&>(*this) : inner[number - 1];
   }
 };
 
-/// Steps coaxial devices, or one alone, in its own thread, one step every step_s() of the clock, from
+/// Steps coaxial instruments, or one alone, in its own thread, one step every step_s() of the clock, from
 /// construction to destruction. A late step is caught up with; after a tenth of a second of delay (a machine
 /// that was suspended) the clock is reset.
 class SimulationLoop {
@@ -68,10 +68,10 @@ class SimulationLoop {
   using Hand = std::function<std::span<const HubPose>(std::span<const HubPose> hubs,
                                                       std::span<const HubLoad> loads, double step_s)>;
 
-  /// Called after each exchange in the loop's thread: this device is another one, at an insertion of 0.
-  using Exchanged = std::function<void(std::size_t device, const InstrumentModel& instrument)>;
+  /// Called after each exchange in the loop's thread: this instrument is another one, at an insertion of 0.
+  using Exchanged = std::function<void(std::size_t instrument, const InstrumentModel& model)>;
 
-  SimulationLoop(std::unique_ptr<Instruments> devices, Hand hand, Exchanged exchanged = {});
+  SimulationLoop(std::unique_ptr<Instruments> instruments, Hand hand, Exchanged exchanged = {});
   ~SimulationLoop();
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
@@ -83,11 +83,11 @@ class SimulationLoop {
     return snapshots_.read();
   }
 
-  /// Asks for another instrument instead of a device, for any thread. The loop makes it between two of its
+  /// Asks for another model instead of an instrument, for any thread. The loop makes it between two of its
   /// steps, as Instruments::exchange does, or refuses it; a snapshot says which. Simulated time stands
   /// still while the instrument settles, for some 50 ms. A request takes the place of one that is not yet
   /// answered.
-  void exchange(std::size_t device, const InstrumentModel& instrument);
+  void exchange(std::size_t instrument, const InstrumentModel& model);
 
  private:
   void run();
@@ -95,10 +95,10 @@ class SimulationLoop {
   bool exchange_if_asked();
   void list_instruments();
   void publish();
-  void publish(std::size_t device, DeviceSnapshot& snapshot);
+  void publish(std::size_t instrument, InstrumentSnapshot& snapshot);
   void count(double step_ms, bool is_late);
 
-  std::unique_ptr<Instruments> devices_;
+  std::unique_ptr<Instruments> instruments_;
   Hand hand_;
   Exchanged exchanged_;
   std::vector<HubPose> hubs_;
@@ -108,8 +108,8 @@ class SimulationLoop {
   double sum_ms_ = 0;
   std::vector<std::int64_t> histogram_;  ///< of step times, in hundredths of a millisecond
   struct Request {
-    std::size_t device;
-    InstrumentModel instrument;
+    std::size_t instrument;
+    InstrumentModel model;
   };
   std::mutex request_mutex_;
   std::optional<Request> request_;

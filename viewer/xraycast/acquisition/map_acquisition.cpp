@@ -30,7 +30,7 @@ void choose_look(const std::string& look, PictureOptions& options) {
   options.style.look = look == "surface" ? Look::surface : Look::fluoro;
 }
 
-void check(const PictureOptions& options, bool has_vessels, bool has_devices) {
+void check(const PictureOptions& options, bool has_vessels, bool has_instruments) {
   const bool is_shaded = options.style.look == Look::surface, subtracts = options.acquisition.subtracts,
              has_pulses = options.acquisition.fluoroscope.has_value();
   check(options.style);
@@ -41,7 +41,7 @@ void check(const PictureOptions& options, bool has_vessels, bool has_devices) {
     throw InputError("`full_contrast` does not apply to a fluoroscope's picture; leave it out");
   if (is_shaded && has_pulses)
     throw InputError("`look` surface: a fluoroscope cannot show shaded surfaces; leave it out");
-  if (is_shaded && !has_vessels && !has_devices)
+  if (is_shaded && !has_vessels && !has_instruments)
     throw InputError("`look` surface: there is nothing to shade; give `vessels` or `catheter` too");
   if (subtracts && !has_vessels)
     throw InputError("`look` dsa: there are no vessels with contrast agent; give `vessels` too");
@@ -53,7 +53,7 @@ MapAcquisition::MapAcquisition(Renderer& renderer, MapScene scene, const Picture
       scene_(std::move(scene)),
       options_(options),
       acquisition_(options.acquisition, first, path_of(scene_.map->attenuation, options.acquisition)) {
-  check(options_, scene_.vessels.has_value(), !scene_.devices.empty());
+  check(options_, scene_.vessels.has_value(), !scene_.instruments.empty());
   if (scene_.road_map) road_map_.emplace(*scene_.road_map);
   renderer_.set_map(scene_.map);
   show_vessels(true);
@@ -62,7 +62,7 @@ MapAcquisition::MapAcquisition(Renderer& renderer, MapScene scene, const Picture
 void MapAcquisition::show_vessels(bool shows) {
   std::vector<Surface> surfaces;
   if (shows && scene_.vessels) surfaces.push_back(*scene_.vessels);
-  surfaces.insert(surfaces.end(), scene_.devices.begin(), scene_.devices.end());
+  surfaces.insert(surfaces.end(), scene_.instruments.begin(), scene_.instruments.end());
   renderer_.set_surfaces(surfaces);
 }
 

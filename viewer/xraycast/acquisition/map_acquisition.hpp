@@ -27,17 +27,17 @@ struct PictureOptions {
 void choose_look(const std::string& look, PictureOptions& options);
 
 /// Throws InputError for what has no effect or contradicts itself.
-void check(const PictureOptions& options, bool has_vessels, bool has_devices);
+void check(const PictureOptions& options, bool has_vessels, bool has_instruments);
 
 /// What lies between source and detector.
 struct MapScene {
   std::shared_ptr<const BodyMap> map;
   std::optional<Surface> vessels{};  ///< filled with contrast agent, which a mask has not
-  std::vector<Surface> devices{};
+  std::vector<Surface> instruments{};
   std::optional<VesselTree> road_map{};  ///< whose outline is drawn into displayed pictures
 };
 
-/// Pictures of a body map with vessels and devices, from one view after the other.
+/// Pictures of a body map with vessels and instruments, from one view after the other.
 class MapAcquisition {
  public:
   /// The renderer, which has the map, must outlive it. Throws as `check` and Acquisition.

@@ -48,12 +48,12 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
   style.full_contrast = true;
 }
 
-bool RunCine::see(const Instruments& devices, double time_s) {
+bool RunCine::advance(const Instruments& instruments, double time_s) {
   if (time_s <= 0 || time_s < next_s_) return false;
-  const std::optional<std::size_t> outlet = agent_outlet(devices);
-  inject(place_of(devices.tip(outlet.value_or(0))), outlet.has_value(), time_s);
+  const std::optional<std::size_t> outlet = agent_outlet(instruments);
+  inject(place_of(instruments.tip(outlet.value_or(0))), outlet.has_value(), time_s);
   if (time_s < begin_s()) return false;
-  place(devices);
+  place(instruments);
   return true;
 }
 
@@ -88,13 +88,13 @@ double RunCine::opacified_tau(const VesselTree::Location& tip) const {
   return 2 * radius_mm(tree_, tip) * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted);
 }
 
-/// The contrast agent's surface follows the devices'.
-void RunCine::place(const Instruments& devices) {
+/// The contrast agent's surface follows the instruments'.
+void RunCine::place(const Instruments& instruments) {
   std::vector<glm::dvec3> nodes_mm;
   std::size_t surfaces = 0;
-  for (std::size_t d = 0; d < devices.count(); ++d) {
-    devices.copy_nodes(d, nodes_mm);
-    for (const Surface& surface : device_surfaces(nodes_mm, devices.rod(d).instrument()))
+  for (std::size_t d = 0; d < instruments.count(); ++d) {
+    instruments.copy_nodes(d, nodes_mm);
+    for (const Surface& surface : instrument_surfaces(nodes_mm, instruments.rod(d).instrument()))
       renderer_.replace_surface(surfaces++, surface);
   }
   if (options_.picture.style.look == Look::fluoro)

@@ -15,7 +15,7 @@ namespace xraycast {
 /// The view with pixels so small that a catheter shows: the map of a coarse scan has too few.
 View no_smaller(View view, const BodyBounds& bounds);
 
-/// The frames of a catheter's run with a fixed C-arm: the body, the devices, contrast agent while it is
+/// The frames of a catheter's run with a fixed C-arm: the body, the instruments, contrast agent while it is
 /// injected, and without a fluoroscope the vessels' outline as a road map; or a run of digital subtraction
 /// angiography, which begins half a second before the injection and whose frames until then are its mask.
 /// Needs a current OpenGL context.
@@ -36,7 +36,7 @@ class RunCine {
   /// Tell it of a run (see RunListener). Where a frame is due, true: take it then, by frame() or by
   /// picture(). The first follows the first step. Contrast agent is injected while one of the lumens is free;
   /// see agent_outlet.
-  bool see(const Instruments& devices, double time_s);
+  bool advance(const Instruments& instruments, double time_s);
 
   /// Its optical depths, and with a fluoroscope its pulse; neither has a road map.
   const AcquiredFrame& frame();
@@ -59,7 +59,7 @@ class RunCine {
   bool is_before_injection(double time_s) const;
   double opacified_tau(const VesselTree::Location& tip) const;
   void inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s);
-  void place(const Instruments& devices);
+  void place(const Instruments& instruments);
 
   const VesselTree& tree_;
   Options options_;

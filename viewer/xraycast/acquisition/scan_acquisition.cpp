@@ -2,6 +2,8 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <glm/geometric.hpp>
+
 #include <utility>
 
 namespace xraycast {
@@ -24,11 +26,19 @@ void use_spectrum(const std::string& name, const Spectrum& spectrum, Fluoroscopy
   check(options);
 }
 
+bool is_source_within(const View& view, const VolumeGeometry& volume, const BodyOutline& body) {
+  if (!view.cone) return false;
+  const glm::dvec3 source_mm = view.source_mm();
+  return glm::distance(glm::dvec2(source_mm), body.centre_mm) < body.radius_mm &&
+         source_mm.z > volume.lower_mm().z && source_mm.z < volume.upper_mm().z;
+}
+
 ScanAcquisition::ScanAcquisition(Scene scene, const AcquisitionOptions& options, const View& first)
     : scene_(std::move(scene)), acquisition_(options, first, path_of(scene_.attenuation, options)) {
   surfaces_.set(scene_.surfaces);
   if (const auto* spectrum = std::get_if<Spectrum>(&scene_.attenuation); spectrum && !surfaces_.empty())
-    throw InputError("`opacity` {}: vessels and devices take no spectrum; give an opacity", spectrum->name());
+    throw InputError("`opacity` {}: vessels and instruments take no spectrum; give an opacity",
+                     spectrum->name());
 }
 
 AcquiredFrame ScanAcquisition::frame(const View& view, Progress& progress) {

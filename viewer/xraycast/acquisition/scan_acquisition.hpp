@@ -18,13 +18,16 @@ void use_spectrum(const std::string& name, const Spectrum& spectrum, Fluoroscopy
 /// The voltage of a tube's spectrum; none for one from a file.
 std::optional<int> tube_kvp(const std::string& name, const Spectrum& spectrum);
 
+/// Whether a cone's source lies inside the body, so that the tissue behind it is not in the picture.
+bool is_source_within(const View& view, const VolumeGeometry& volume, const BodyOutline& body);
+
 /// Pictures of a scan on a device by the projector.
 class ScanAcquisition {
  public:
   struct Scene {
     const SpectralScan& scan;
     Attenuation attenuation;
-    std::vector<Surface> surfaces{};  ///< vessels and devices in it, which attenuate
+    std::vector<Surface> surfaces{};  ///< vessels and instruments in it, which attenuate
     /// One picture takes less time than finding the constant blocks of the scan.
     Sampling sampling = Sampling::everywhere;
   };

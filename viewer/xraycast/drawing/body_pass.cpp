@@ -44,14 +44,14 @@ glm::dmat3 scaled_down(int pixels_per_column) {
 std::string column_defines(const MapGeometry& geometry, const SampleOptions& options) {
   std::string defines;
   if (options.blends_layers(geometry)) defines += "BLENDS_LAYERS ";
-  if (options.compositing == Compositing::path && geometry.projection == Projection::cylinder)
+  if (options.compositing == Compositing::path && geometry.ray_layout == RayLayout::cylinder)
     defines += "PATH ";
   return defines;
 }
 
 std::string march_defines(const MapGeometry& geometry, const SampleOptions& options) {
   std::string defines;
-  if (geometry.projection == Projection::sphere) defines += "SPHERE ";
+  if (geometry.ray_layout == RayLayout::sphere) defines += "SPHERE ";
   if (options.compositing == Compositing::wall) defines += "WALL ";
   if (geometry.has_outline()) defines += "OUTLINE ";
   return defines;

@@ -10,7 +10,7 @@ struct GifFileType;
 
 namespace xraycast {
 
-/// An endlessly repeating animated GIF, written frame by frame. OpenImageIO's, measured on films of 35
+/// An endlessly repeating animated GIF, written frame by frame. OpenImageIO's, measured on cines of 35
 /// frames, are off by up to 26 greys and 91 of a colour, and show all frames as long as the first.
 class GifFile {
  public:

@@ -21,7 +21,7 @@ void check_map(const BodyMap& map, const std::string& name) {
   if (map.spectrum())
     throw InputError(
         "{}: holds materials for a spectrum, which a page cannot draw; cast it with `opacity` paper", name);
-  if (geometry.projection != Projection::cylinder)
+  if (geometry.ray_layout != RayLayout::cylinder)
     throw InputError("{}: a page shows cylinder maps alone; cast it with `projection` cylinder", name);
   if (!suits_web(map))
     throw InputError("{}: a page shows maps about a straight axis alone; cast it without `centre_line`",
@@ -83,7 +83,7 @@ ExportFormat export_format(const std::string& file) {
 }
 
 bool suits_web(const BodyMap& map) {
-  return map.geometry.projection == Projection::cylinder && has_columns(map.geometry) && !map.spectrum();
+  return map.geometry.ray_layout == RayLayout::cylinder && has_columns(map.geometry) && !map.spectrum();
 }
 
 std::vector<std::string> check(const ExportRequest& request) {
@@ -122,7 +122,7 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
       triangles > kMostWebTriangles)
     throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
                      request.vessels_name, triangles, kMostWebTriangles);
-  request.live = LiveRun{.devices = run.instruments, .contrast = contrast.whole(), .has_hub = has_hub};
+  request.live = LiveRun{.instruments = run.instruments, .contrast = contrast.whole(), .has_hub = has_hub};
   request.pose = pose;
   request.is_of_session = true;
   request.shows_vessels = false;

@@ -24,9 +24,9 @@ ExportFormat export_format(const std::string& file);
 
 /// A run that goes on while the page is open, of which `serve --web` tells the page (see BrowserMessage).
 struct LiveRun {
-  std::vector<InstrumentModel> devices;  ///< from the outermost on
-  Surface contrast;                      ///< all drums of a ContrastSurface
-  bool has_hub = true;                   ///< the page moves the hubs; otherwise something else does
+  std::vector<InstrumentModel> instruments;  ///< from the outermost on
+  Surface contrast;                          ///< all drums of a ContrastSurface
+  bool has_hub = true;                       ///< the page moves the hubs; otherwise something else does
 };
 
 /// A session to be shown elsewhere.

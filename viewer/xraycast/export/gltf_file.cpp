@@ -187,14 +187,15 @@ Mesh c_arm_mesh(const View& pose) {
   return mesh;
 }
 
-/// Where a run's devices end.
-void add_devices(const RecordedRun& run, GltfScene& scene) {
-  for (const RecordedRun::Device& device : run.devices) {
-    const std::vector<DevicePart> parts = device_parts({}, device.has_lumen);
+/// Where a run's instruments end.
+void add_instruments(const RecordedRun& run, GltfScene& scene) {
+  for (const RecordedRun::Instrument& instrument : run.instruments) {
+    const std::vector<InstrumentPart> parts = instrument_parts({}, instrument.has_lumen);
     for (std::size_t p = 0; p < parts.size(); ++p)
-      if (const std::vector<glm::dvec3>& controls_mm = device.parts[p].back(); !controls_mm.empty())
-        scene.add(parts.size() == 1 ? device.name : device.name + (p == 0 ? ", shaft" : ", tip"),
-                  tube_mesh(NurbsCurve::cubic(controls_mm, device.name), device.radius_mm), parts[p].colour);
+      if (const std::vector<glm::dvec3>& controls_mm = instrument.parts[p].back(); !controls_mm.empty())
+        scene.add(parts.size() == 1 ? instrument.name : instrument.name + (p == 0 ? ", shaft" : ", tip"),
+                  tube_mesh(NurbsCurve::cubic(controls_mm, instrument.name), instrument.radius_mm),
+                  parts[p].colour);
   }
 }
 
@@ -204,7 +205,7 @@ std::string gltf_binary(const ExportRequest& session) {
   GltfScene scene(session.title);
   if (session.vessels) scene.add("vessels", session.vessels->mesh, session.vessels->colour);
   for (const Surface& catheter : session.catheters) scene.add("catheter", catheter.mesh, catheter.colour);
-  if (session.run) add_devices(*session.run, scene);
+  if (session.run) add_instruments(*session.run, scene);
   const BodyBounds bounds = bounds_of(session.map->geometry);
   const glm::dvec3 half_mm(0, 0, bounds.half_height_mm);
   scene.add_line("axis", {glm::vec3(bounds.centre_mm - half_mm), glm::vec3(bounds.centre_mm + half_mm)},

@@ -19,17 +19,17 @@ int predicted(int left, int above, int corner) {
   return left + above - corner;
 }
 
-/// Calls `see(i, difference)` with the difference of every value of a picture from what its neighbours
+/// Calls `use(i, difference)` with the difference of every value of a picture from what its neighbours
 /// predict.
-template <typename Value, typename See>
-void for_each_difference(std::span<const Value> values, int width, const See& see) {
+template <typename Value, typename Use>
+void for_each_difference(std::span<const Value> values, int width, const Use& use) {
   const auto row = static_cast<std::size_t>(width);
   for (std::size_t i = 0; i < values.size(); ++i) {
     const bool is_first = i % row == 0, is_top = i < row;
     const int left = !is_first ? values[i - 1] : is_top ? 0 : values[i - row];
     const int above = is_top ? left : values[i - row];
     const int corner = is_first || is_top ? above : values[i - row - 1];
-    see(i, values[i] - predicted(left, above, corner));
+    use(i, values[i] - predicted(left, above, corner));
   }
 }
 

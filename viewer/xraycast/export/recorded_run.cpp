@@ -22,24 +22,25 @@ RecordedRun RecordedRun::of(const std::vector<InstrumentModel>& models) {
   RecordedRun run;
   for (const InstrumentModel& model : models) {
     const bool has_lumen = model.inner_radius_mm() > 0;
-    run.devices.push_back({.name = model.name(),
-                           .radius_mm = model.radius_mm(),
-                           .has_lumen = has_lumen,
-                           .parts = std::vector<Shapes>(device_parts({}, has_lumen).size())});
+    run.instruments.push_back({.name = model.name(),
+                               .radius_mm = model.radius_mm(),
+                               .has_lumen = has_lumen,
+                               .parts = std::vector<Shapes>(instrument_parts({}, has_lumen).size())});
   }
   return run;
 }
 
-void RecordedRun::see(const Instruments& moved, double time_s) {
+void RecordedRun::record(const Instruments& moved, double time_s) {
   constexpr double kRounding_s = 1e-9;
   if (time_s < static_cast<double>(pictures()) * step_s - kRounding_s) return;
   std::vector<glm::dvec3> nodes_mm;
-  for (std::size_t d = 0; d < devices.size(); ++d) {
-    Device& device = devices[d];
+  for (std::size_t d = 0; d < instruments.size(); ++d) {
+    Instrument& instrument = instruments[d];
     moved.copy_nodes(d, nodes_mm);
-    const std::vector<DevicePart> parts = device_parts(nodes_mm, device.has_lumen);
-    for (std::size_t p = 0; p < parts.size(); ++p) device.parts[p].push_back(controls_of(parts[p].nodes_mm));
-    device.loads.push_back(moved.load(d));
+    const std::vector<InstrumentPart> parts = instrument_parts(nodes_mm, instrument.has_lumen);
+    for (std::size_t p = 0; p < parts.size(); ++p)
+      instrument.parts[p].push_back(controls_of(parts[p].nodes_mm));
+    instrument.loads.push_back(moved.load(d));
   }
 }
 
@@ -52,7 +53,7 @@ void check_recordable(const Script& script) {
 RecordedRun recorded_run(const RunRequest& request, Progress& progress) {
   if (request.script) check_recordable(*request.script);
   RecordedRun recorded = RecordedRun::of(request.instruments);
-  run(request, progress, [&](const Instruments& moved, double time_s) { recorded.see(moved, time_s); });
+  run(request, progress, [&](const Instruments& moved, double time_s) { recorded.record(moved, time_s); });
   return recorded;
 }
 

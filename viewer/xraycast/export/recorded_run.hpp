@@ -9,8 +9,8 @@
 
 namespace xraycast {
 
-/// A run of coaxial devices, or of one alone, as pictures need it: shapes and the hubs' loads, a picture at a
-/// time.
+/// A run of coaxial instruments, or of one alone, as pictures need it: shapes and the hubs' loads, a picture
+/// at a time.
 struct RecordedRun {
   static constexpr double kUsualStep_s = 1.0 / 15;  ///< of fluoroscopy
   static constexpr double kLongest_s = 600;
@@ -19,24 +19,24 @@ struct RecordedRun {
   /// curve_through); none where it is shorter than a curve takes.
   using Shapes = std::vector<std::vector<glm::dvec3>>;
 
-  struct Device {
+  struct Instrument {
     std::string name;
     double radius_mm = 1;
     bool has_lumen = true;
-    std::vector<Shapes> parts{};  ///< one for each of device_parts
+    std::vector<Shapes> parts{};  ///< one for each of instrument_parts
     std::vector<HubLoad> loads{};
   };
 
   double step_s = kUsualStep_s;
-  std::vector<Device> devices{};  ///< from the outermost on
+  std::vector<Instrument> instruments{};  ///< from the outermost on
 
-  /// Of devices that have yet to move.
+  /// Of instruments that have yet to move.
   static RecordedRun of(const std::vector<InstrumentModel>& models);
 
-  std::size_t pictures() const { return devices.empty() ? 0 : devices.front().loads.size(); }
+  std::size_t pictures() const { return instruments.empty() ? 0 : instruments.front().loads.size(); }
 
   /// Takes a picture when its time has come, the first at 0 s. Tell it of a run (see RunListener).
-  void see(const Instruments& moved, double time_s);
+  void record(const Instruments& moved, double time_s);
 };
 
 /// Throws InputError for a script longer than RecordedRun::kLongest_s.

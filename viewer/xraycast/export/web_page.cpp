@@ -131,10 +131,10 @@ PageJson add_catheters(const ExportRequest& session, Parts& parts) {
   return catheters;
 }
 
-/// A device as it is drawn, wherever it is.
-PageJson device_json(const std::string& name, double radius_mm, bool has_lumen) {
+/// An instrument as it is drawn, wherever it is.
+PageJson instrument_json(const std::string& name, double radius_mm, bool has_lumen) {
   PageJson parts = PageJson::array();
-  for (const DevicePart& part : device_parts({}, has_lumen))
+  for (const InstrumentPart& part : instrument_parts({}, has_lumen))
     parts.push_back({{"mu_per_mm", part.mu_per_mm}, {"colour", list(part.colour)}});
   return {{"name", name}, {"radius_mm", radius_mm}, {"parts", parts}};
 }
@@ -150,31 +150,33 @@ PageJson add_run(const ExportRequest& session, Parts& parts) {
   if (!session.run) return {};
   constexpr double kUnit_mm = 0.01;
   const RecordedRun& run = *session.run;
-  PageJson devices = PageJson::array();
-  for (const RecordedRun::Device& device : run.devices) {
-    for (std::size_t p = 0; p < device.parts.size(); ++p)
-      parts.add(fmt::format("shapes_{}_{}", devices.size(), p), pack_shapes(device.parts[p], kUnit_mm));
-    PageJson json = device_json(device.name, device.radius_mm, device.has_lumen);
-    json["force_N"] = rounded(device.loads, &HubLoad::force_N, 1);
-    json["torque_mNm"] = rounded(device.loads, &HubLoad::torque_Nm, 1000);
-    devices.push_back(std::move(json));
+  PageJson instruments = PageJson::array();
+  for (const RecordedRun::Instrument& instrument : run.instruments) {
+    for (std::size_t p = 0; p < instrument.parts.size(); ++p)
+      parts.add(fmt::format("shapes_{}_{}", instruments.size(), p),
+                pack_shapes(instrument.parts[p], kUnit_mm));
+    PageJson json = instrument_json(instrument.name, instrument.radius_mm, instrument.has_lumen);
+    json["force_N"] = rounded(instrument.loads, &HubLoad::force_N, 1);
+    json["torque_mNm"] = rounded(instrument.loads, &HubLoad::torque_Nm, 1000);
+    instruments.push_back(std::move(json));
   }
   return {{"pictures", run.pictures()},
           {"step_s", run.step_s},
           {"unit_mm", kUnit_mm},
-          {"devices", std::move(devices)}};
+          {"instruments", std::move(instruments)}};
 }
 
 PageJson add_live(const ExportRequest& session, Parts& parts) {
   if (!session.live) return {};
-  PageJson devices = PageJson::array();
-  for (const InstrumentModel& model : session.live->devices)
-    devices.push_back(device_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
+  PageJson instruments = PageJson::array();
+  for (const InstrumentModel& model : session.live->instruments)
+    instruments.push_back(instrument_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
   PageJson contrast = add_surface(session.live->contrast, "contrast", parts);
   contrast["drum_points"] = ContrastSurface::kDrumPoints;
   contrast["drum_triangles"] = ContrastSurface::kDrumTriangles;
-  return {
-      {"devices", std::move(devices)}, {"contrast", std::move(contrast)}, {"has_hub", session.live->has_hub}};
+  return {{"instruments", std::move(instruments)},
+          {"contrast", std::move(contrast)},
+          {"has_hub", session.live->has_hub}};
 }
 
 PageJson window_to_json(const GreyWindow& window) {

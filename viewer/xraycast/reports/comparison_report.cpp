@@ -62,7 +62,7 @@ const Measure& measure_named(const std::string& name) {
 
 std::string contents_of(const BodyMap& map) {
   const MapGeometry& geometry = map.geometry;
-  return pluralize(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
+  return pluralize(geometry.layers(), geometry.ray_layout == RayLayout::rectangle ? "picture" : "layer");
 }
 
 GreyPlate comparison_picture(const CompareRequest& request, const ComparedFrame& compared) {

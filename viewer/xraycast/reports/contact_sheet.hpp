@@ -12,7 +12,7 @@ namespace xraycast {
 struct CaptionedPicture {
   std::filesystem::path file;
   std::string caption;
-  std::filesystem::path film{};  ///< the GIF that the file is a still of, which a page shows in its place
+  std::filesystem::path cine{};  ///< the GIF that the file is a still of, which a page shows in its place
 };
 
 /// Pictures in rows of `columns`, each scaled to fit its cell. Throws Error when one cannot be read.

@@ -15,7 +15,7 @@ class HubSamples {
   explicit HubSamples(const Script& script);
 
   /// Tell it of a run (see RunListener).
-  void see(const Instruments& devices, double time_s);
+  void record(const Instruments& instruments, double time_s);
 
   const std::vector<std::vector<RunRecord>>& records() const { return records_; }  ///< as those of a Run
 
@@ -24,8 +24,8 @@ class HubSamples {
   std::vector<std::vector<RunRecord>> records_;
 };
 
-/// The force and the torque at the hub of a device over a run, whose records are given.
+/// The force and the torque at the hub of an instrument over a run, whose records are given.
 RgbPicture hub_plot(const std::string& title, const std::vector<std::vector<RunRecord>>& records,
-                    std::size_t device);
+                    std::size_t instrument);
 
 }  // namespace xraycast

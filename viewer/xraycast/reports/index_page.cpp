@@ -30,11 +30,11 @@ td {{ overflow-wrap: anywhere; padding: .1em 1.5em .1em 0; }}
 
 constexpr const char* kFoot = "<p>Not for clinical use.</p>\n</body>\n</html>\n";
 
-/// Shows a film, or its still where less motion is asked for.
-std::string figure(const std::string& still, const std::string& film, const std::string& caption) {
-  const std::string shown = in_html(film.empty() ? still : film), words = in_html(caption);
+/// Shows a cine, or its still where less motion is asked for.
+std::string figure(const std::string& still, const std::string& cine, const std::string& caption) {
+  const std::string shown = in_html(cine.empty() ? still : cine), words = in_html(caption);
   std::string source;
-  if (!film.empty())
+  if (!cine.empty())
     source = fmt::format("<source srcset=\"{}\" media=\"(prefers-reduced-motion: reduce)\">", in_html(still));
   return fmt::format(
       "<figure><a href=\"{0}\"><picture>{1}<img src=\"{0}\" alt=\"{2}\" loading=\"lazy\"></picture></a>"
@@ -55,7 +55,7 @@ void write_index_page(const std::string& title, const CaptionedPicture& page,
   html += fmt::format("<iframe src=\"{0}\" title=\"{1}\"></iframe>\n<p><a href=\"{0}\">{1}</a></p>\n",
                       in_html(beside_page(page.file)), in_html(page.caption));
   for (const CaptionedPicture& picture : pictures)
-    html += figure(beside_page(picture.file), beside_page(picture.film), picture.caption);
+    html += figure(beside_page(picture.file), beside_page(picture.cine), picture.caption);
   html += "<table>\n";
   for (const auto& [name, value] : facts)
     html += fmt::format("<tr><td>{}</td><td>{}</td></tr>\n", in_html(name), in_html(value));

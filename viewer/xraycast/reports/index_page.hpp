@@ -10,7 +10,7 @@
 namespace xraycast {
 
 /// An HTML page beside the pictures: title, an exported page in a frame, the pictures with their captions,
-/// and a table of facts. Films play, but for readers whose system asks for less motion. Throws Error when it
+/// and a table of facts. Cines play, but for readers whose system asks for less motion. Throws Error when it
 /// cannot be written.
 void write_index_page(const std::string& title, const CaptionedPicture& page,
                       const std::vector<CaptionedPicture>& pictures,

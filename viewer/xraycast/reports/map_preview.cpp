@@ -31,7 +31,7 @@ struct RowScale {
 };
 
 RowScale rows_of(const MapGeometry& geometry) {
-  if (geometry.projection == Projection::sphere)
+  if (geometry.ray_layout == RayLayout::sphere)
     return {"deg", glm::degrees(geometry.theta_rad(0)),
             glm::degrees(geometry.theta_rad(1) - geometry.theta_rad(0))};
   return {"z, mm", geometry.top_mm, -geometry.row_spacing_mm};
@@ -39,7 +39,7 @@ RowScale rows_of(const MapGeometry& geometry) {
 
 std::string title_of(const MapGeometry& geometry, int layer) {
   const int layers = geometry.layers();
-  if (geometry.projection == Projection::rectangle)
+  if (geometry.ray_layout == RayLayout::rectangle)
     return fmt::format("view {} of {}: {:.1f} deg", layer + 1, layers,
                        glm::degrees(geometry.view_rad(layer)));
   const auto edge_mm = [&](int k) { return geometry.radii_mm[static_cast<std::size_t>(k)]; };

@@ -30,7 +30,7 @@ BodyBounds bounds_of(const MapGeometry& geometry) {
   const glm::dvec2 centre = 0.5 * (low + high);
   bounds.radius_mm = geometry.radius_mm() + 0.5 * glm::distance(low, high);
   bounds.finest_mm = geometry.step_mm;
-  if (geometry.projection == Projection::sphere) {
+  if (geometry.ray_layout == RayLayout::sphere) {
     bounds.centre_mm = {centre, geometry.centre_z_mm};
     bounds.half_height_mm = geometry.radius_mm();
   } else {

@@ -192,7 +192,7 @@ void sample_projections(const RectifiedView& rectified, int column, const MapGeo
 }  // namespace
 
 bool has_columns(const MapGeometry& geometry) {
-  return geometry.projection != Projection::sphere && geometry.centre_mm.size() == 1 &&
+  return geometry.ray_layout != RayLayout::sphere && geometry.centre_mm.size() == 1 &&
          geometry.has_plane_outline();
 }
 
@@ -206,7 +206,7 @@ ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& 
                              const SampleOptions& options) {
   if (!has_columns(geometry))
     throw InputError("column sampling needs a map with one straight axis and one outline");
-  const bool is_rectangle = geometry.projection == Projection::rectangle;
+  const bool is_rectangle = geometry.ray_layout == RayLayout::rectangle;
   if (is_rectangle && (rectified.is_cone() || rectified.slope != 0))
     throw InputError("a rectangle map can show only untilted parallel views");
   ColumnSamples result;

@@ -51,7 +51,7 @@ struct SampleOptions {
   /// Whether samples are interpolated between layers; otherwise every layer_fraction is 0.
   bool blends_layers(const MapGeometry& geometry) const {
     return compositing == Compositing::path && reconstruction == Reconstruction::linear &&
-           geometry.projection != Projection::rectangle && geometry.layers() > 1;
+           geometry.ray_layout != RayLayout::rectangle && geometry.layers() > 1;
   }
   bool operator==(const SampleOptions&) const = default;
 };

@@ -20,11 +20,11 @@ class RowSolver {
  public:
   RowSolver(const MapGeometry& geometry, const SampleOptions& options)
       : geometry_(geometry),
-        solves_(geometry.projection != Projection::rectangle && options.compositing == Compositing::path),
+        solves_(geometry.ray_layout != RayLayout::rectangle && options.compositing == Compositing::path),
         profile_(drawn_shells(geometry, options).radii_mm, options.reconstruction) {
     if (options.blends_layers(geometry)) halves_.emplace(geometry.radii_mm);
     // About a straight axis all rows are alike.
-    if (solves_ && geometry.projection == Projection::cylinder && has_columns(geometry))
+    if (solves_ && geometry.ray_layout == RayLayout::cylinder && has_columns(geometry))
       common_ = system_of(0);
   }
 

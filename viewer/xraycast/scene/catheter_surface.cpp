@@ -64,12 +64,12 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
           kSides};
 }
 
-std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm,
-                                     const InstrumentModel& instrument) {
-  return device_surfaces(nodes_mm, instrument.radius_mm(), instrument.inner_radius_mm() > 0);
+std::vector<Surface> instrument_surfaces(const std::vector<glm::dvec3>& nodes_mm,
+                                         const InstrumentModel& instrument) {
+  return instrument_surfaces(nodes_mm, instrument.radius_mm(), instrument.inner_radius_mm() > 0);
 }
 
-std::vector<DevicePart> device_parts(const std::vector<glm::dvec3>& nodes_mm, bool has_lumen) {
+std::vector<InstrumentPart> instrument_parts(const std::vector<glm::dvec3>& nodes_mm, bool has_lumen) {
   if (has_lumen) return {{nodes_mm, catheter_per_mm(), kCatheterColour}};
   constexpr glm::dvec3 kTipColour{0.95, 0.8, 0.35};
   const auto tip = nodes_mm.begin() + static_cast<std::ptrdiff_t>(tip_begin(nodes_mm));
@@ -79,10 +79,10 @@ std::vector<DevicePart> device_parts(const std::vector<glm::dvec3>& nodes_mm, bo
           {{tip, nodes_mm.end()}, wire_per_mm() + wire_tip_per_mm(), kTipColour}};
 }
 
-std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm, double radius_mm,
-                                     bool has_lumen) {
+std::vector<Surface> instrument_surfaces(const std::vector<glm::dvec3>& nodes_mm, double radius_mm,
+                                         bool has_lumen) {
   std::vector<Surface> surfaces;
-  for (const DevicePart& part : device_parts(nodes_mm, has_lumen)) {
+  for (const InstrumentPart& part : instrument_parts(nodes_mm, has_lumen)) {
     Surface& surface = surfaces.emplace_back(catheter_surface(part.nodes_mm, radius_mm));
     surface.mu_per_mm = part.mu_per_mm;
     surface.colour = part.colour;
@@ -90,10 +90,10 @@ std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm, do
   return surfaces;
 }
 
-std::vector<Surface> steered_surfaces(const SteeredDevices& steered) {
+std::vector<Surface> steered_surfaces(const SteeredInstruments& steered) {
   std::vector<Surface> surfaces;
-  for (const auto& [nodes_mm, radius_mm, has_lumen] : steered.devices)
-    for (Surface& surface : device_surfaces(nodes_mm, radius_mm, has_lumen))
+  for (const auto& [nodes_mm, radius_mm, has_lumen] : steered.instruments)
+    for (Surface& surface : instrument_surfaces(nodes_mm, radius_mm, has_lumen))
       surfaces.push_back(std::move(surface));
   return surfaces;
 }

@@ -18,13 +18,16 @@ bool is_same(const FieldOfView& a, const FieldOfView& b) {
          glm::all(glm::lessThan(glm::abs(a.upper_mm - b.upper_mm), glm::dvec3(kSame_mm)));
 }
 
-/// Whether cylinder maps have a row for each slice of the same stack. Scans of one extent may differ in
-/// slices.
+/// Whether the rows of a cylinder map are slices of this distance, of which the uppermost lies at `top_mm`.
+/// Scans of one extent may differ in slices.
+bool has_rows(const MapGeometry& map, double top_mm, double slice_mm) {
+  constexpr double kSame = 0.01;  // of a slice
+  return std::abs(map.row_spacing_mm - slice_mm) * map.height <= kSame * slice_mm &&
+         std::abs(map.top_mm - top_mm) <= kSame * slice_mm;
+}
+
 bool has_same_rows(const MapGeometry& a, const MapGeometry& b) {
-  constexpr double kSame = 0.01;  // of a slice, as between a map and a scan
-  return a.height == b.height &&
-         std::abs(a.row_spacing_mm - b.row_spacing_mm) * a.height <= kSame * b.row_spacing_mm &&
-         std::abs(a.top_mm - b.top_mm) <= kSame * b.row_spacing_mm;
+  return a.height == b.height && has_rows(a, b.top_mm, b.row_spacing_mm);
 }
 
 MapGeometry without_field(MapGeometry geometry) {
@@ -38,17 +41,15 @@ std::string difference(const MapGeometry& map, const VolumeGeometry& volume) {
   const glm::dvec3 centre_mm = bounds_of(map).centre_mm, lower = volume.lower_mm(), upper = volume.upper_mm();
   if (glm::any(glm::lessThan(centre_mm, lower)) || glm::any(glm::greaterThan(centre_mm, upper)))
     return "it lies outside the scan";
-  if (map.projection == Projection::rectangle)  // of rows of its own, over the scan's whole height
+  if (map.ray_layout == RayLayout::rectangle)  // of rows of its own, over the scan's whole height
     return std::abs(map.row_spacing_mm * map.height - (upper.z - lower.z)) > 2 * map.row_spacing_mm
                ? "its height differs"
                : "";
-  if (map.projection == Projection::cylinder) {
+  if (map.ray_layout == RayLayout::cylinder) {
     if (map.height != volume.size.z)
       return fmt::format("it has {} rows, but the scan has {} slices", map.height, volume.size.z);
     const double slice_mm = volume.spacing_mm.z, top_mm = upper.z - 0.5 * slice_mm;
-    constexpr double kSame = 0.01;  // of a slice
-    if (std::abs(map.row_spacing_mm - slice_mm) * map.height > kSame * slice_mm ||
-        std::abs(map.top_mm - top_mm) > kSame * slice_mm)
+    if (!has_rows(map, top_mm, slice_mm))
       return fmt::format(
           "its rows are {:.4g} mm apart from {:.4g} mm downwards, the scan's slices {:.4g} mm from {:.4g} mm",
           map.row_spacing_mm, map.top_mm, slice_mm, top_mm);
@@ -67,7 +68,7 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const Volu
 
 void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
                      const std::string& basis_name) {
-  const bool is_cylinder = map.projection == Projection::cylinder;
+  const bool is_cylinder = map.ray_layout == RayLayout::cylinder;
   const bool same = map.field && basis.field
                         ? is_same(*map.field, *basis.field) && (!is_cylinder || has_same_rows(map, basis))
                         : without_field(map) == without_field(basis);

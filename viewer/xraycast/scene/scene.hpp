@@ -32,8 +32,8 @@ struct Surface {
   /// A surface with weights consists of several closed bodies, visible only in X-rays: it is rendered only in
   /// fluoro.
   std::vector<float> mu_weights{};
-  /// Of a device's tube, which is drawn no thinner than pixels (thin_tube.hpp): its points are a pole, rings
-  /// of this many, and a pole. 0: no such tube.
+  /// Of an instrument's tube, which is drawn no thinner than pixels (thin_tube.hpp): its points are a pole,
+  /// rings of this many, and a pole. 0: no such tube.
   int tube_sides = 0;
 };
 

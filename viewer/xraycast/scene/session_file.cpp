@@ -91,40 +91,40 @@ class Fields {
   std::string name_;
 };
 
-Json steered_to_json(const SteeredDevices& steered) {
-  Json devices = Json::array();
-  for (const SteeredDevices::Device& device : steered.devices) {
+Json steered_to_json(const SteeredInstruments& steered) {
+  Json instruments = Json::array();
+  for (const SteeredInstruments::Instrument& instrument : steered.instruments) {
     Json nodes = Json::array();
-    for (const glm::dvec3& node : device.nodes_mm) nodes.push_back({node.x, node.y, node.z});
-    devices.push_back(
-        {{"nodes_mm", nodes}, {"radius_mm", device.radius_mm}, {"has_lumen", device.has_lumen}});
+    for (const glm::dvec3& node : instrument.nodes_mm) nodes.push_back({node.x, node.y, node.z});
+    instruments.push_back(
+        {{"nodes_mm", nodes}, {"radius_mm", instrument.radius_mm}, {"has_lumen", instrument.has_lumen}});
   }
-  return {{"devices", devices}, {"road_map", steered.has_road_map}};
+  return {{"devices", instruments}, {"road_map", steered.has_road_map}};
 }
 
-SteeredDevices::Device steered_device_of(const Fields& fields) {
-  SteeredDevices::Device device;
+SteeredInstruments::Instrument steered_instrument_of(const Fields& fields) {
+  SteeredInstruments::Instrument instrument;
   for (const auto& [x, y, z] : fields.get<std::vector<std::array<double, 3>>>("nodes_mm"))
-    device.nodes_mm.emplace_back(x, y, z);
-  device.radius_mm = fields.number("radius_mm", 0.01, 100);
-  device.has_lumen = !fields.has("has_lumen") || fields.get<bool>("has_lumen");
-  return device;
+    instrument.nodes_mm.emplace_back(x, y, z);
+  instrument.radius_mm = fields.number("radius_mm", 0.01, 100);
+  instrument.has_lumen = !fields.has("has_lumen") || fields.get<bool>("has_lumen");
+  return instrument;
 }
 
 /// Older sessions have one catheter, whose fields are the simulation's.
-SteeredDevices steered_of(const Fields& fields) {
-  SteeredDevices steered;
+SteeredInstruments steered_of(const Fields& fields) {
+  SteeredInstruments steered;
   steered.has_road_map = fields.get<bool>("road_map");
   if (!fields.has("devices")) {
-    steered.devices.push_back(steered_device_of(fields));
+    steered.instruments.push_back(steered_instrument_of(fields));
     return steered;
   }
-  const nlohmann::json& devices = fields.value("devices");
-  if (!devices.is_array() || devices.empty() || devices.size() > Instruments::kMaxCount)
+  const nlohmann::json& instruments = fields.value("devices");
+  if (!instruments.is_array() || instruments.empty() || instruments.size() > Instruments::kMaxCount)
     throw InputError("{}: devices must be a list of one to {}", fields.name(), Instruments::kMaxCount);
-  for (std::size_t d = 0; d < devices.size(); ++d)
-    steered.devices.push_back(
-        steered_device_of(Fields(devices[d], fmt::format("{}: devices[{}]", fields.name(), d))));
+  for (std::size_t d = 0; d < instruments.size(); ++d)
+    steered.instruments.push_back(
+        steered_instrument_of(Fields(instruments[d], fmt::format("{}: devices[{}]", fields.name(), d))));
   return steered;
 }
 

@@ -13,26 +13,26 @@
 
 namespace xraycast {
 
-/// Simulated devices as shown in a picture. Only the outline of the vessels is then visible.
-struct SteeredDevices {
-  struct Device {
+/// Simulated instruments as shown in a picture. Only the outline of the vessels is then visible.
+struct SteeredInstruments {
+  struct Instrument {
     std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's far end to the tip; see curve_through
     double radius_mm = 1;
     bool has_lumen = true;  ///< is no wire
 
-    bool operator==(const Device&) const = default;
+    bool operator==(const Instrument&) const = default;
   };
-  std::vector<Device> devices;  ///< from the outermost on
+  std::vector<Instrument> instruments;  ///< from the outermost on
   bool has_road_map = true;
 
-  bool operator==(const SteeredDevices&) const = default;
+  bool operator==(const SteeredInstruments&) const = default;
 };
 
 /// A viewer's scene and display settings, as saved and reopened. Absent files are empty paths.
 struct ViewSession {
   std::filesystem::path map, basis, scan, vessels, catheter;
   double contrast_mg_ml = kUsualContrast_mg_ml;  ///< iodine in the vessels' blood
-  std::optional<SteeredDevices> steered{};       ///< instead of vessels and catheter
+  std::optional<SteeredInstruments> steered{};   ///< instead of vessels and catheter
   CArmPose pose{};
   Style style{};
   bool has_window = false;           ///< style.window was chosen by the user; otherwise it is automatic

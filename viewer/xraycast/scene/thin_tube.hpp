@@ -10,7 +10,7 @@
 
 namespace xraycast {
 
-/// A device thinner than a pixel, as a detector sees it: it darkens the pixel by its share of it. Rays
+/// An instrument thinner than a pixel, as a detector sees it: it darkens the pixel by its share of it. Rays
 /// through the middles of pixels would mostly miss it. Hence a tube is drawn at least kLeastRadius_pixels
 /// thick, and the matter in it is thinned, so that what it absorbs across stays the same.
 ///

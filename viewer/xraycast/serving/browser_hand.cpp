@@ -58,7 +58,7 @@ class HandMessage {
 
 }  // namespace
 
-bool BrowserHand::hear(std::string_view text, Clock::time_point now) {
+bool BrowserHand::receive(std::string_view text, Clock::time_point now) {
   const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
   HandMessage message(json);
   const double speed = message.flag("slow") ? kSlowly : 1;
@@ -74,7 +74,7 @@ bool BrowserHand::hear(std::string_view text, Clock::time_point now) {
 
   constexpr int kMost = 100;  // that are kept while nobody asks
   const std::lock_guard lock(mutex_);
-  heard_ = now;
+  received_ = now;
   said.next_hubs = std::min(kMost, said.next_hubs + commands_.next_hubs);
   said.valve_toggles = std::min(kMost, said.valve_toggles + commands_.valve_toggles);
   if (!said.c_arm) said.c_arm = commands_.c_arm;
@@ -90,7 +90,7 @@ void BrowserHand::let_go() {
 LiveCommands BrowserHand::commands(Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   LiveCommands commands = commands_;
-  if (now - heard_ > kSilence) {
+  if (now - received_ > kSilence) {
     commands.insertion_mm_s = commands.rotation_rad_s = commands.injection_ml_s = 0;
     commands.pedal = false;
   }

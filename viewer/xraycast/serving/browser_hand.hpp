@@ -22,7 +22,7 @@ class BrowserHand {
 
   /// A message: a JSON object (docs/web.md). False where it is none, or a value is not what it must be;
   /// nothing changes then. Fields with other names are passed over.
-  bool hear(std::string_view text, Clock::time_point now);
+  bool receive(std::string_view text, Clock::time_point now);
 
   /// Lets go of everything: the browser has left.
   void let_go();
@@ -33,7 +33,7 @@ class BrowserHand {
   double mid_height_mm_;
   std::mutex mutex_;  ///< of what follows
   LiveCommands commands_;
-  Clock::time_point heard_;
+  Clock::time_point received_;
 };
 
 }  // namespace xraycast

@@ -28,13 +28,13 @@ class Numbers {
   std::string bytes_;
 };
 
-void add_device(const BrowserMessage::Device& device, Numbers& numbers) {
-  numbers.real(device.pose.insertion_mm);
-  numbers.real(device.pose.rotation_rad * 180 / std::numbers::pi);
-  numbers.real(device.load.force_N);
-  numbers.real(1000 * device.load.torque_Nm);
-  numbers.whole(device.parts_mm.size());
-  for (const std::vector<glm::dvec3>& part_mm : device.parts_mm) {
+void add_instrument(const BrowserMessage::Instrument& instrument, Numbers& numbers) {
+  numbers.real(instrument.pose.insertion_mm);
+  numbers.real(instrument.pose.rotation_rad * 180 / std::numbers::pi);
+  numbers.real(instrument.load.force_N);
+  numbers.real(1000 * instrument.load.torque_Nm);
+  numbers.whole(instrument.parts_mm.size());
+  for (const std::vector<glm::dvec3>& part_mm : instrument.parts_mm) {
     numbers.whole(part_mm.size());
     for (const glm::dvec3& point_mm : part_mm)
       for (int axis = 0; axis < 3; ++axis) numbers.real(point_mm[axis]);
@@ -60,12 +60,13 @@ std::string packed(const BrowserMessage& message) {
   numbers.byte((message.exposes ? kExposes : 0u) | (message.injects ? kInjects : 0u) |
                (message.is_valve_locked ? kIsLocked : 0u) | (message.has_outlet ? kHasOutlet : 0u));
   numbers.byte(message.held_hub);
-  numbers.byte(message.devices.size());
+  numbers.byte(message.instruments.size());
   numbers.whole(message.exposures);
   numbers.real(message.time_s);
   numbers.real(message.fluoroscopy_s);
   numbers.real(message.injected_ml);
-  for (const BrowserMessage::Device& device : message.devices) add_device(device, numbers);
+  for (const BrowserMessage::Instrument& instrument : message.instruments)
+    add_instrument(instrument, numbers);
   add_drums(message.drums_mg_ml, numbers);
   return std::move(numbers).bytes();
 }

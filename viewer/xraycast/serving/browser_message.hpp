@@ -13,10 +13,10 @@ namespace xraycast {
 
 /// What browsers are told of a session, once a frame.
 struct BrowserMessage {
-  struct Device {
+  struct Instrument {
     HubPose pose;
     HubLoad load;
-    /// At the last exposure: the control points of each part's curve (see device_parts and controls_of).
+    /// At the last exposure: the control points of each part's curve (see instrument_parts and controls_of).
     std::vector<std::vector<glm::dvec3>> parts_mm;
   };
 
@@ -24,9 +24,9 @@ struct BrowserMessage {
   bool exposes = false, injects = false, is_valve_locked = false;
   bool has_outlet = true;  ///< for contrast agent: a lumen is free
   std::size_t held_hub = 0;
-  std::uint32_t exposures = 0;       ///< so far; the picture changes with it
-  std::vector<Device> devices{};     ///< from the outermost on
-  std::vector<float> drums_mg_ml{};  ///< at the last exposure: iodine in the drums of a ContrastSurface
+  std::uint32_t exposures = 0;            ///< so far; the picture changes with it
+  std::vector<Instrument> instruments{};  ///< from the outermost on
+  std::vector<float> drums_mg_ml{};       ///< at the last exposure: iodine in the drums of a ContrastSurface
 };
 
 /// Its bytes: little-endian, all numbers of four bytes but the first four, of one (docs/web.md). Drums

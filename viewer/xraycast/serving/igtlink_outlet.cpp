@@ -11,7 +11,7 @@ class HubsOfServer final : public HapticDevice {
   explicit HubsOfServer(std::shared_ptr<IgtlinkDevice> server) : server_(std::move(server)) {}
 
   HandPose pose(std::size_t hub) override { return server_->pose(hub); }
-  void feel(std::size_t hub, const HubLoad& load) override { server_->feel(hub, load); }
+  void set_load(std::size_t hub, const HubLoad& load) override { server_->set_load(hub, load); }
   void go_on_from(std::size_t hub, const HubPose& pose) override { server_->go_on_from(hub, pose); }
   std::string status() const override { return server_->status(); }
 
@@ -27,13 +27,13 @@ std::string image_of(const LivePicture& picture) {
 std::string shapes_of(const SimulatedRun& run) {
   std::string messages;
   for (std::size_t d = 0; d < run.now().count(); ++d)
-    messages += pack_points(d, controls_of(run.now().device(d).nodes_mm), run.models()[d].radius_mm());
+    messages += pack_points(d, controls_of(run.now().instrument(d).nodes_mm), run.models()[d].radius_mm());
   return messages;
 }
 
 std::string tips_of(const SimulatedRun& run) {
   std::string messages;
-  for (std::size_t d = 0; d < run.now().count(); ++d) messages += pack_tip(d, run.now().device(d).tip);
+  for (std::size_t d = 0; d < run.now().count(); ++d) messages += pack_tip(d, run.now().instrument(d).tip);
   return messages;
 }
 

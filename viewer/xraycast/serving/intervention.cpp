@@ -21,12 +21,12 @@ const Intervention::Options& checked(const Intervention::Options& options) {
 /// The presets, those that are in use as they are, and what else is.
 std::vector<InstrumentModel> choices_of(const std::vector<InstrumentModel>& used) {
   std::vector<InstrumentModel> choices = instruments_named(InstrumentModel::preset_names());
-  for (const InstrumentModel& instrument : used) {
-    const auto same = std::ranges::find(choices, instrument.name(), &InstrumentModel::name);
+  for (const InstrumentModel& model : used) {
+    const auto same = std::ranges::find(choices, model.name(), &InstrumentModel::name);
     if (same == choices.end())
-      choices.push_back(instrument);
+      choices.push_back(model);
     else
-      *same = instrument;
+      *same = model;
   }
   return choices;
 }
@@ -78,25 +78,25 @@ void Intervention::start(const std::optional<Script>& script,
   refused_.reset();
 }
 
-void Intervention::exchange(std::size_t device, const InstrumentModel& instrument) {
+void Intervention::exchange(std::size_t instrument, const InstrumentModel& model) {
   refused_.reset();
-  if (exchange_obstacle(device).empty())
-    run_->exchange(device, instrument);
+  if (exchange_obstacle(instrument).empty())
+    run_->exchange(instrument, model);
   else
-    refused_ = device;
+    refused_ = instrument;
 }
 
-std::string Intervention::exchange_obstacle(std::size_t device) const {
+std::string Intervention::exchange_obstacle(std::size_t instrument) const {
   if (run_->is_recording()) return "stop the recording to exchange it";
-  if (run_->now().device(device).pose.insertion_mm > Instruments::kDrawnBack_mm)
+  if (run_->now().instrument(instrument).pose.insertion_mm > Instruments::kDrawnBack_mm)
     return "draw it back to 0 mm to exchange it";
   return {};
 }
 
-std::string Intervention::note_on_exchange(std::size_t device) const {
-  if (refused_ == device) return exchange_obstacle(device);
+std::string Intervention::note_on_exchange(std::size_t instrument) const {
+  if (refused_ == instrument) return exchange_obstacle(instrument);
   const auto& refusal = run_->now().refusal;
-  return refusal && refusal->device == device ? refusal->why : std::string();
+  return refusal && refusal->instrument == instrument ? refusal->why : std::string();
 }
 
 void Intervention::hold_next_hub() {
@@ -115,20 +115,21 @@ void Intervention::update(const CArmPose& pose, double passed_s) {
   if (!pedal_ && has_picture_) return;
   pose_ = pose;
   nodes_mm_.clear();
-  for (std::size_t d = 0; d < run_->now().count(); ++d) nodes_mm_.push_back(run_->now().device(d).nodes_mm);
+  for (std::size_t d = 0; d < run_->now().count(); ++d)
+    nodes_mm_.push_back(run_->now().instrument(d).nodes_mm);
   exposed_ = run_->now().instruments;
-  surfaces_ = run_->devices();
+  surfaces_ = run_->instruments();
   surfaces_.push_back(run_->contrast());
   drums_mg_ml_ = run_->drums_mg_ml();
   ++exposures_;
   has_picture_ = true;
 }
 
-SteeredDevices Intervention::steered() const {
-  SteeredDevices steered{.devices = {}, .has_road_map = has_road_map};
+SteeredInstruments Intervention::steered() const {
+  SteeredInstruments steered{.instruments = {}, .has_road_map = has_road_map};
   for (std::size_t d = 0; d < nodes_mm_.size(); ++d) {
     const InstrumentModel& model = (*exposed_)[d];
-    steered.devices.push_back({nodes_mm_[d], model.radius_mm(), model.inner_radius_mm() > 0});
+    steered.instruments.push_back({nodes_mm_[d], model.radius_mm(), model.inner_radius_mm() > 0});
   }
   return steered;
 }

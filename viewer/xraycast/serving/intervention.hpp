@@ -16,8 +16,9 @@
 
 namespace xraycast {
 
-/// A simulated intervention with a C-arm: a catheter, or coaxial devices, are steered, with fluoroscopy while
-/// the pedal is down and last image hold after, and contrast agent is injected. All calls on one thread.
+/// A simulated intervention with a C-arm: a catheter, or coaxial instruments, are steered, with fluoroscopy
+/// while the pedal is down and last image hold after, and contrast agent is injected. All calls on one
+/// thread.
 class Intervention {
  public:
   struct Options {
@@ -64,18 +65,18 @@ class Intervention {
   void hold_next_hub();
   void toggle_valve();
 
-  /// Asks for another instrument instead of a device, unless a run is recorded or the device is not drawn
+  /// Asks for another model instead of an instrument, unless a run is recorded or the instrument is not drawn
   /// back (see Instruments::exchange). Restarts keep it.
-  void exchange(std::size_t device, const InstrumentModel& instrument);
+  void exchange(std::size_t instrument, const InstrumentModel& model);
 
   /// Where that was refused, one line that says what to do, as long as it holds; else empty.
-  std::string note_on_exchange(std::size_t device) const;
+  std::string note_on_exchange(std::size_t instrument) const;
 
-  /// What a device can be exchanged for: the presets, and what the options name.
+  /// What an instrument can be exchanged for: the presets, and what the options name.
   const std::vector<InstrumentModel>& choices() const { return choices_; }
 
-  /// The devices and the road map in that picture.
-  SteeredDevices steered() const;
+  /// The instruments and the road map in that picture.
+  SteeredInstruments steered() const;
 
   /// The attenuating surfaces of that picture. They change with `exposures`.
   std::span<const Surface> surfaces() const { return surfaces_; }
@@ -102,7 +103,7 @@ class Intervention {
 
  private:
   void start(const std::optional<Script>& script, const std::vector<InstrumentModel>& instruments);
-  std::string exchange_obstacle(std::size_t device) const;
+  std::string exchange_obstacle(std::size_t instrument) const;
 
   Options options_;
   ManualDevice* manual_ = nullptr;
@@ -110,14 +111,14 @@ class Intervention {
   bool pedal_ = false, has_picture_ = false;
   double fluoroscopy_s_ = 0;
   CArmPose pose_;
-  std::vector<std::vector<glm::dvec3>> nodes_mm_;  ///< of each device
+  std::vector<std::vector<glm::dvec3>> nodes_mm_;  ///< of each instrument
   std::shared_ptr<const std::vector<InstrumentModel>> exposed_;
   std::vector<Surface> surfaces_;
   std::vector<float> drums_mg_ml_;
   long exposures_ = 0;
   RoadMap road_map_;
   std::vector<InstrumentModel> choices_;
-  std::optional<std::size_t> refused_;  ///< the device that could not be exchanged as it is
+  std::optional<std::size_t> refused_;  ///< the instrument that could not be exchanged as it is
 };
 
 }  // namespace xraycast

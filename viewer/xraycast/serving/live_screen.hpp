@@ -14,8 +14,8 @@
 
 namespace xraycast {
 
-/// Draws the pictures of an intervention without a display, as the window does: the body's map, the devices
-/// and the contrast agent; with a fluoroscope, its pulses.
+/// Draws the pictures of an intervention without a display, as the window does: the body's map, the
+/// instruments and the contrast agent; with a fluoroscope, its pulses.
 class LiveScreen final : public LivePainter {
  public:
   struct Options {

@@ -41,19 +41,19 @@ void SimulatedRun::update() {
   if (passed_s <= 0) return;
 
   const double injection_ml_s = now_->agent_outlet ? injection_ml_s_ : 0;
-  bolus_.step(passed_s, place_of(now_->device(now_->agent_outlet.value_or(0)).tip), injection_ml_s);
+  bolus_.step(passed_s, place_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s);
   injected_ml_ += passed_s * injection_ml_s;
   Load load{now_->time_s, {}};
-  for (std::size_t d = 0; d < now_->count(); ++d) load.hubs[d] = now_->device(d).load;
+  for (std::size_t d = 0; d < now_->count(); ++d) load.hubs[d] = now_->instrument(d).load;
   loads_.push_back(load);
   while (loads_.front().time_s < now_->time_s - kKept_s) loads_.pop_front();
   if (is_recording_) record();
 }
 
-std::vector<Surface> SimulatedRun::devices() const {
+std::vector<Surface> SimulatedRun::instruments() const {
   std::vector<Surface> surfaces;
   for (std::size_t d = 0; d < now_->count(); ++d)
-    for (Surface& surface : device_surfaces(now_->device(d).nodes_mm, models()[d]))
+    for (Surface& surface : instrument_surfaces(now_->instrument(d).nodes_mm, models()[d]))
       surfaces.push_back(std::move(surface));
   return surfaces;
 }
@@ -65,7 +65,7 @@ void SimulatedRun::record() {
   if (recorded_of_ != now_->instruments) recorded_.clear();
   recorded_of_ = now_->instruments;
   Poses poses{now_->time_s, {}};
-  for (std::size_t d = 0; d < now_->count(); ++d) poses.hubs[d] = now_->device(d).pose;
+  for (std::size_t d = 0; d < now_->count(); ++d) poses.hubs[d] = now_->instrument(d).pose;
   recorded_.push_back(poses);
 }
 

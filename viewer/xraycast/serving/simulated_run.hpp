@@ -18,8 +18,8 @@
 
 namespace xraycast {
 
-/// A catheter, or coaxial devices, steered in real time, as the operator experiences it: shapes and loads,
-/// the contrast agent injected through them, and a recording of the hubs. All calls on one thread; the
+/// A catheter, or coaxial instruments, steered in real time, as the operator experiences it: shapes and
+/// loads, the contrast agent injected through them, and a recording of the hubs. All calls on one thread; the
 /// simulation has its own, which never waits for it.
 class SimulatedRun {
  public:
@@ -37,13 +37,13 @@ class SimulatedRun {
   std::size_t held_hub() const { return device_->held(); }
   const std::vector<InstrumentModel>& models() const { return *now_->instruments; }  ///< at that time
 
-  /// Asks for another instrument instead of a device; now() says at a later update whether it was made. See
+  /// Asks for another model instead of an instrument; now() says at a later update whether it was made. See
   /// SimulationLoop::exchange.
-  void exchange(std::size_t device, const InstrumentModel& instrument) { loop_.exchange(device, instrument); }
+  void exchange(std::size_t instrument, const InstrumentModel& model) { loop_.exchange(instrument, model); }
 
-  /// Several devices are steered by a hand, not by a script.
+  /// Several instruments are steered by a hand, not by a script.
   bool has_valve() const { return now_->count() > 1 && !device_->is_rigid(); }
-  /// Clamps the devices together, or releases them; see HubCouplings.
+  /// Clamps the instruments together, or releases them; see HubCouplings.
   void lock_valve(bool is_locked) { couplings_.lock(is_locked); }
   bool is_valve_locked() const { return couplings_.is_locked(); }
 
@@ -53,7 +53,7 @@ class SimulatedRun {
   double injection_ml_s() const { return injection_ml_s_; }
   double injected_ml() const { return injected_ml_; }
 
-  std::vector<Surface> devices() const;
+  std::vector<Surface> instruments() const;
   Surface contrast() const;
   std::vector<float> drums_mg_ml() const { return contrast_.drums_mg_ml(bolus_.iodine_mg_ml()); }
 

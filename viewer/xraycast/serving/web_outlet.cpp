@@ -11,10 +11,11 @@ WebOutlet::WebOutlet(const WebServer::Options& options, std::string page, const 
                      bool moves_hub, std::function<void(const std::string&)> log)
     : moves_hub_(moves_hub),
       hand_(bounds.centre_mm.z),
-      server_(options, std::move(page),
-              {.steer = [this](std::string_view text) { return hand_.hear(text, BrowserHand::Clock::now()); },
-               .let_go = [this] { hand_.let_go(); },
-               .log = std::move(log)}) {}
+      server_(
+          options, std::move(page),
+          {.steer = [this](std::string_view text) { return hand_.receive(text, BrowserHand::Clock::now()); },
+           .let_go = [this] { hand_.let_go(); },
+           .log = std::move(log)}) {}
 
 LiveCommands WebOutlet::commands() {
   LiveCommands commands = hand_.commands(BrowserHand::Clock::now());
@@ -38,23 +39,24 @@ void WebOutlet::publish(const LiveFrame& frame) {
   message_.is_valve_locked = run.is_valve_locked();
   message_.has_outlet = now.agent_outlet.has_value();
   message_.held_hub = run.held_hub();
-  message_.devices.resize(now.count());
+  message_.instruments.resize(now.count());
   for (std::size_t d = 0; d < now.count(); ++d) {
-    message_.devices[d].pose = now.device(d).pose;
-    message_.devices[d].load = now.device(d).load;
+    message_.instruments[d].pose = now.instrument(d).pose;
+    message_.instruments[d].load = now.instrument(d).load;
   }
-  if (message_.exposures != static_cast<std::uint32_t>(intervention.exposures())) see_exposure(intervention);
+  if (message_.exposures != static_cast<std::uint32_t>(intervention.exposures())) take_exposure(intervention);
   server_.publish(packed(message_));
 }
 
 /// The picture is held until the next exposure, so that shapes are packed for each exposure alone.
-void WebOutlet::see_exposure(const Intervention& intervention) {
+void WebOutlet::take_exposure(const Intervention& intervention) {
   message_.exposures = static_cast<std::uint32_t>(intervention.exposures());
-  const SteeredDevices steered = intervention.steered();
-  for (std::size_t d = 0; d < steered.devices.size() && d < message_.devices.size(); ++d) {
-    auto& parts_mm = message_.devices[d].parts_mm;
+  const SteeredInstruments steered = intervention.steered();
+  for (std::size_t d = 0; d < steered.instruments.size() && d < message_.instruments.size(); ++d) {
+    auto& parts_mm = message_.instruments[d].parts_mm;
     parts_mm.clear();
-    for (const DevicePart& part : device_parts(steered.devices[d].nodes_mm, steered.devices[d].has_lumen))
+    for (const InstrumentPart& part :
+         instrument_parts(steered.instruments[d].nodes_mm, steered.instruments[d].has_lumen))
       parts_mm.push_back(controls_of(part.nodes_mm));
   }
   message_.drums_mg_ml = intervention.drums_mg_ml();

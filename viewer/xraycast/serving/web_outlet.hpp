@@ -10,7 +10,7 @@
 
 namespace xraycast {
 
-/// Publishes a session to browsers: the page of WebServer, which draws the devices and the contrast agent
+/// Publishes a session to browsers: the page of WebServer, which draws the instruments and the contrast agent
 /// itself, and is told where they are (docs/web.md).
 class WebOutlet final : public LiveOutlet {
  public:
@@ -26,7 +26,7 @@ class WebOutlet final : public LiveOutlet {
   const WebServer& server() const { return server_; }
 
  private:
-  void see_exposure(const Intervention& intervention);
+  void take_exposure(const Intervention& intervention);
 
   bool moves_hub_;
   BrowserHand hand_;

@@ -65,7 +65,7 @@ const char* note_on_hand(const Intervention& intervention) {
   return run.is_valve_locked() ? "leads (Tab)" : "next: Tab";
 }
 
-/// What the device in the hand can be exchanged for.
+/// What the instrument in the hand can be exchanged for.
 void choose_instrument(Intervention& intervention, std::size_t number) {
   const std::string present = intervention.run().models()[number].name();
   ImGui::SetNextItemWidth(12 * ImGui::GetFontSize());
@@ -80,9 +80,9 @@ void choose_instrument(Intervention& intervention, std::size_t number) {
   if (const std::string note = intervention.note_on_exchange(number); !note.empty()) write_wrapped(note);
 }
 
-void show_device(Intervention& intervention, std::size_t number) {
+void show_instrument(Intervention& intervention, std::size_t number) {
   const SimulatedRun& run = intervention.run();
-  const DeviceSnapshot& device = run.now().device(number);
+  const InstrumentSnapshot& instrument = run.now().instrument(number);
   ImGui::PushID(static_cast<int>(number));
   if (number == run.held_hub() && !intervention.run().device().is_rigid()) {
     choose_instrument(intervention, number);
@@ -91,10 +91,10 @@ void show_device(Intervention& intervention, std::size_t number) {
     write_wrapped(run.models()[number].name());
   }
   write_wrapped(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg",
-                            no_negative_zero(device.pose.insertion_mm, 1),
-                            no_negative_zero(device.pose.rotation_rad / kRadians, 0)));
-  write_wrapped(fmt::format("tip: branch {}, at {:.0f} mm", device.tip.branch,
-                            no_negative_zero(device.tip.arc_length_mm, 0)));
+                            no_negative_zero(instrument.pose.insertion_mm, 1),
+                            no_negative_zero(instrument.pose.rotation_rad / kRadians, 0)));
+  write_wrapped(fmt::format("tip: branch {}, at {:.0f} mm", instrument.tip.branch,
+                            no_negative_zero(instrument.tip.arc_length_mm, 0)));
   show_loads(run, number);
   ImGui::PopID();
 }
@@ -118,7 +118,7 @@ void show_usage(const Viewer& viewer, Intervention& intervention) {
 
 }  // namespace
 
-/// One above the other, or side by side where there are more devices.
+/// One above the other, or side by side where there are more instruments.
 void show_loads(const SimulatedRun& run, std::size_t hub) {
   const bool is_alone = run.now().count() == 1;
   const float row = ImGui::GetContentRegionAvail().x, gap = ImGui::GetStyle().ItemSpacing.x;
@@ -161,7 +161,7 @@ void draw_intervention_panel(Viewer& viewer) {
       {width, 0}, {width, std::max(10 * ImGui::GetFontSize(), static_cast<float>(height))});
   ImGui::Begin("catheter", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   write_wrapped(fmt::format("hub input: {}", intervention->run().device().status()));
-  for (std::size_t d = 0; d < now.count(); ++d) show_device(*intervention, d);
+  for (std::size_t d = 0; d < now.count(); ++d) show_instrument(*intervention, d);
   if (run.has_valve()) {
     bool is_locked = run.is_valve_locked();
     if (ImGui::Checkbox("valve locked", &is_locked)) intervention->run().lock_valve(is_locked);

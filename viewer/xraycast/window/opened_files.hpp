@@ -39,7 +39,7 @@ struct OpenedFiles {
   std::shared_ptr<ScanOnDevice> scan;
   std::shared_ptr<RecastOnDevice> recast;
   std::shared_ptr<const Surface> vessels, catheter;
-  std::vector<Surface> steered;            ///< instead of a catheter: simulated devices
+  std::vector<Surface> steered;            ///< instead of a catheter: simulated instruments
   std::shared_ptr<const VesselTree> tree;  ///< of the vessels' folder, where it has one
   std::vector<std::string> warnings;       ///< of a scan that was opened, one line each
 };

@@ -14,7 +14,7 @@ void add_steering(const OperatorState& state, std::vector<KeyHint>& keys) {
   if (state.is_steered_by_mouse) keys.push_back({"Ctrl drag", "advance, turn"});
   if (state.has_agent_outlet) keys.push_back({"I", "contrast (hold)"});
   if (!state.has_valve) return;
-  keys.push_back({"Tab", "next device"});
+  keys.push_back({"Tab", "next instrument"});
   keys.push_back({"V", "valve"});
 }
 

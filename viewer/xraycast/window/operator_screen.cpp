@@ -105,7 +105,7 @@ void show_dose(const FluoroscopyConsole& console) {
 void show_run(const Intervention& intervention) {
   const SimulatedRun& run = intervention.run();
   const std::size_t hub = intervention.held_hub();
-  const HubPose& pose = run.now().device(hub).pose;
+  const HubPose& pose = run.now().instrument(hub).pose;
   heading("Contrast agent");
   number("injected", fmt::format("{:.0f}", run.injected_ml()), "ml");
   heading("Hub of " + run.models()[hub].name());

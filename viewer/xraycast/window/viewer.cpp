@@ -272,14 +272,14 @@ void Viewer::show_catheter() {
     renderer_.replace_surface(i, intervention_->surfaces()[i]);
 }
 
-/// Keeps the tip of the device in the hand within the middle of live pictures when it or the zoom has
+/// Keeps the tip of the instrument in the hand within the middle of live pictures when it or the zoom has
 /// changed. What was subtracted or mapped would be lost with the view: then the table stays where it is.
 void Viewer::follow_tip(const Pane& pane) {
   constexpr double kStill_mm = 0.5;
   const bool keeps_view = console() && (console_->subtracts() || console_->shows_road_map());
   if (!follows || keeps_view || !(pedal_ || lacks_picture_)) return;
   CArmPose& pose = session_.pose;
-  const glm::dvec3 tip_mm = intervention_->run().now().device(intervention_->held_hub()).nodes_mm.back();
+  const glm::dvec3 tip_mm = intervention_->run().now().instrument(intervention_->held_hub()).nodes_mm.back();
   if (glm::distance(tip_mm, followed_mm_) < kStill_mm && pose.zoom == followed_zoom_) return;
   followed_mm_ = tip_mm;
   followed_zoom_ = pose.zoom;

@@ -100,7 +100,7 @@ class Viewer {
   bool is_split = false;     ///< a DRR beside the map
   bool shows_help = false, shows_panels = true;
   bool shows_first_steps = false;  ///< until the first key
-  bool follows = true;             ///< the table follows the tip of the device in the hand as it moves
+  bool follows = true;             ///< the table follows the tip of the instrument in the hand as it moves
 
   /// Opacity and layers, with undo. `attempt` handles its errors.
   OpacityEditor& opacity() { return opacity_; }

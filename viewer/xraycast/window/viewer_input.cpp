@@ -61,7 +61,7 @@ void handle_mouse(Viewer& viewer) {
   if (holds_hub) return;
   if (is_dragged(ImGuiMouseButton_Left)) {
     pose.rotate(-kDegreesPerPixel * io.MouseDelta.x);
-    if (io.KeyShift || viewer.map()->geometry.projection == Projection::sphere)
+    if (io.KeyShift || viewer.map()->geometry.ray_layout == RayLayout::sphere)
       pose.tilt(kDegreesPerPixel * io.MouseDelta.y);
   }
   if (is_clicked()) viewer.pick({io.MousePos.x, io.MousePos.y}, io.DisplaySize.x, io.DisplaySize.y);

@@ -148,7 +148,7 @@ float highest(const Viewer& viewer) {
 
 /// What follows the hashes identifies the header for all maps.
 std::string layers_title(const MapGeometry& geometry) {
-  if (geometry.projection == Projection::rectangle) return "Pictures###layers";
+  if (geometry.ray_layout == RayLayout::rectangle) return "Pictures###layers";
   return fmt::format("Layers that follow {}###layers", geometry.has_outline() ? "the body" : "circles");
 }
 

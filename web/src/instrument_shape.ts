@@ -1,5 +1,5 @@
-// Devices as surfaces: a tube about the curve of each part. Those of a run at a time.
-import type { DeviceHeader, Run, Surface } from "./data";
+// Instruments as surfaces: a tube about the curve of each part. Those of a run at a time.
+import type { InstrumentHeader, Run, Surface } from "./data";
 import { curve_points, tube } from "./mesh";
 import { Vec3, length, minus } from "./vectors";
 
@@ -16,25 +16,25 @@ export const length_s = (run: Run): number => Math.max(0, (run.pictures - 1) * r
 
 const length_mm = (points: readonly Vec3[]): number => points.slice(1).reduce((sum, point, i) => sum + length(minus(point, points[i]!)), 0);
 
-/** When most of the devices is in the body: at the start of a run there may be nothing to see. */
+/** When most of the instruments is in the body: at the start of a run there may be nothing to see. */
 export function fullest_s(run: Run): number {
   let time_s = 0, most_mm = 0;
   for (let k = 0; k < run.pictures; ++k) {
-    const all_mm = run.devices.reduce((sum, { shapes }) => shapes.reduce((parts, part) => parts + length_mm(part[k]!), sum), 0);
+    const all_mm = run.instruments.reduce((sum, { shapes }) => shapes.reduce((parts, part) => parts + length_mm(part[k]!), sum), 0);
     if (all_mm > most_mm) [time_s, most_mm] = [k * run.step_s, all_mm];
   }
   return time_s;
 }
 
-/** The parts of a device, with the control points of each; without those that are shorter than a curve takes. */
-export function surfaces_of({ radius_mm, parts }: DeviceHeader, controls_mm: readonly (readonly Vec3[])[]): Surface[] {
+/** The parts of an instrument, with the control points of each; without those that are shorter than a curve takes. */
+export function surfaces_of({ radius_mm, parts }: InstrumentHeader, controls_mm: readonly (readonly Vec3[])[]): Surface[] {
   return parts.flatMap((part, p) => {
     const controls = controls_mm[p] ?? [];
     return controls.length < 4 ? [] : [{ ...part, mesh: tube(curve_points(controls, kRingsPerPoint), radius_mm, kSides), is_closed: true, tube_sides: kSides }];
   });
 }
 
-export class DeviceShapes {
+export class InstrumentShapes {
   private picture = -1;
   private surfaces: Surface[] = [];
   constructor(private readonly run: Run) {}
@@ -43,7 +43,7 @@ export class DeviceShapes {
     const picture = picture_at(this.run, time_s);
     if (picture === this.picture) return this.surfaces;
     this.picture = picture;
-    this.surfaces = this.run.devices.flatMap((device) => surfaces_of(device, device.shapes.map((shapes) => shapes[picture]!)));
+    this.surfaces = this.run.instruments.flatMap((instrument) => surfaces_of(instrument, instrument.shapes.map((shapes) => shapes[picture]!)));
     return this.surfaces;
   }
 }

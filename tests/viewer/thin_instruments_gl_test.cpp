@@ -12,7 +12,7 @@
 #include <optional>
 #include <vector>
 
-namespace xraycast::thin_devices_gl_test {
+namespace xraycast::thin_instruments_gl_test {
 namespace {
 
 constexpr double kWire_mm = 0.18, kRadians = std::numbers::pi / 180;  // a wire of 0.014 inch
@@ -45,7 +45,7 @@ std::vector<double> sums_across(const std::vector<float>& values, double angle_d
   return sums;
 }
 
-class ThinDevices : public testing::Test {
+class ThinInstruments : public testing::Test {
  protected:
   HeadlessContext context_;
   Renderer renderer_;
@@ -57,7 +57,7 @@ class ThinDevices : public testing::Test {
   }
 };
 
-TEST_F(ThinDevices, AWireIsWithoutGapsAndAbsorbsWhatItHolds) {
+TEST_F(ThinInstruments, AWireIsWithoutGapsAndAbsorbsWhatItHolds) {
   for (const auto& cone : {std::optional<Cone>(), std::optional(Cone{780, 1200})})
     for (const double pixel_mm : {0.3, 0.5, 1.0, 2.0})
       for (const double angle_deg : {0.0, 3.0, 20.0, 45.0, 77.0, 90.0, 130.0}) {
@@ -85,7 +85,7 @@ TEST_F(ThinDevices, AWireIsWithoutGapsAndAbsorbsWhatItHolds) {
       }
 }
 
-TEST_F(ThinDevices, AWireIsShadedWithoutGaps) {
+TEST_F(ThinInstruments, AWireIsShadedWithoutGaps) {
   Style style;
   style.look = Look::surface;
   for (const double pixel_mm : {0.3, 0.5, 1.0, 2.0})
@@ -103,7 +103,7 @@ TEST_F(ThinDevices, AWireIsShadedWithoutGaps) {
       }
 }
 
-TEST_F(ThinDevices, AThickCatheterIsDrawnAsItIs) {
+TEST_F(ThinInstruments, AThickCatheterIsDrawnAsItIs) {
   for (const double radius_pixels : {1.3, 2.0, 5.0}) {
     const Surface catheter = rod(radius_pixels * 0.5, 20, 0.5, 0.3);
     Surface plain = catheter;
@@ -122,7 +122,7 @@ TEST_F(ThinDevices, AThickCatheterIsDrawnAsItIs) {
   }
 }
 
-TEST_F(ThinDevices, AWireDarkensWhatItLiesIn) {
+TEST_F(ThinInstruments, AWireDarkensWhatItLiesIn) {
   // A catheter of 0.5 mm radius in blood that absorbs a tenth of what it does, and a wire in it that absorbs
   // ten times as much; pixels of 2 mm.
   constexpr double kPixel_mm = 2, kMu_per_mm = 0.1;
@@ -148,11 +148,11 @@ TEST_F(ThinDevices, AWireDarkensWhatItLiesIn) {
   EXPECT_NEAR(sums[2] - sums[1], 9 * kMu_per_mm * wire_mm2, 0.12 * 9 * kMu_per_mm * wire_mm2);
 }
 
-TEST_F(ThinDevices, ATubeHasRings) {
+TEST_F(ThinInstruments, ATubeHasRings) {
   Surface wire = rod(kWire_mm, 0, 1, 0);
   wire.tube_sides = 7;
   EXPECT_ANY_THROW(renderer_.set_surfaces(std::vector{wire}));
 }
 
 }  // namespace
-}  // namespace xraycast::thin_devices_gl_test
+}  // namespace xraycast::thin_instruments_gl_test
