@@ -15,7 +15,9 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace xraycast::cli {
@@ -135,10 +137,12 @@ void compare_maps(const CompareArguments& options, Invocation& invocation) {
   invocation.say_about(*scan.source);
 
   const HeadlessContext context;
+  std::optional<OutputSeries> pictures(std::in_place);
   const std::vector<MapComparison> comparisons =
       compare(request, resident, invocation.progress, [&](const ComparedFrame& frame) {
         if (!options.pictures.empty()) write_frame(frame, request, options.pictures);
       });
+  pictures.reset();
   if (!options.plot.empty())
     write_picture(comparison_plot(options.input, options.plotted, request, comparisons), options.plot);
   report_comparisons(comparisons, request, options, invocation);

@@ -1,6 +1,7 @@
 #include "embedded_scripts.hpp"
 #include "options/command.hpp"
 #include "xraycast/acquisition/run_cine.hpp"
+#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/picture_file.hpp"
@@ -328,6 +329,7 @@ void make_steering(const std::shared_ptr<const VesselTree>& tree, const std::sha
 
 void run_demo(const std::string& folder, Invocation& invocation) {
   make_folder(folder, folder);
+  const OutputSeries files;
   Report report(folder, invocation);
   Progress& progress = invocation.progress;
 

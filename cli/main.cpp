@@ -50,13 +50,16 @@ int report_failure() {
 }
 
 /// The one place where errors become exit statuses.
-int run(const std::function<void()>& job) {
+int run(const std::function<void()>& job, cli::SignalWatch& signals) {
   try {
     job();
+    signals.end_job();
     return kDone;
   } catch (const Cancelled&) {
+    signals.end_job();
     return report_cancelled();
   } catch (...) {
+    signals.end_job();
     // After a signal, other failures are most likely its consequence.
     return cli::SignalWatch::caught() != 0 ? report_cancelled() : report_failure();
   }
@@ -94,7 +97,7 @@ int main(int argc, char** argv) {
 
   cli::ProgressBar* bar = nullptr;
   cli::Invocation invocation([&bar](const Progress::State& state) { bar->show(state); });
-  const cli::SignalWatch signals(invocation.progress);
+  cli::SignalWatch signals(invocation.progress);
   app.add_option("--device", invocation.device,
                  "OpenCL device, by number or part of its name (see `xraycast devices`)")
       ->type_name("NAME");
@@ -127,12 +130,14 @@ int main(int argc, char** argv) {
   }
   if (!invocation.job) return report("a subcommand is required (see `xraycast --help`)", kWrongUsage);
   const KernelCache kernel_cache;
-  const int status = run([&] {
-    // Destroyed, and its line removed, before an error is reported.
-    cli::ProgressBar drawn(!invocation.quiet);
-    bar = &drawn;
-    invocation.job();
-  });
+  const int status = run(
+      [&] {
+        // Destroyed, and its line removed, before an error is reported.
+        cli::ProgressBar drawn(!invocation.quiet);
+        bar = &drawn;
+        invocation.job();
+      },
+      signals);
   const int written = checked_output(status);
   return written == kDone && invocation.is_ended_by_signal ? cli::kSignalStatus + cli::SignalWatch::caught()
                                                            : written;

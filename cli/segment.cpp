@@ -81,6 +81,7 @@ void prepare(const fs::path& folder) {
 Vessels explained(const Volume& volume, SegmentRequest request, const SegmentArguments& options,
                   Invocation& invocation) {
   ComputeDevice device(invocation.device);
+  const OutputSeries masks;
   StepReport steps;
   const fs::path folder = options.explain;
   if (!options.explain.empty()) {

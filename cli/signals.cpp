@@ -7,7 +7,6 @@
 #include <atomic>
 #include <cerrno>
 #include <csignal>
-#include <limits>
 #include <mutex>
 #include <thread>
 #include <unistd.h>
@@ -15,9 +14,9 @@
 namespace xraycast::cli {
 namespace {
 
-std::atomic<int> first_signal{0};
+std::atomic<int> cancelling_signal{0};
 std::mutex job_mutex;
-Progress* job = nullptr;  ///< guarded by job_mutex
+Progress* job = nullptr;  ///< guarded by job_mutex; none where it has ended, or its last file has its name
 
 sigset_t watched_signals() {
   sigset_t set;
@@ -40,25 +39,37 @@ bool is_ignored(int signal) {
   return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
 }
 
+int next_of(const sigset_t& set) {
+  int signal = -1;
+  while (signal < 0) signal = sigwaitinfo(&set, nullptr);
+  return signal;
+}
+
+/// Cancels the job, unless it has all its files.
+void cancel_on(int signal) {
+  const std::lock_guard lock(job_mutex);
+  if (job && !close_outputs()) job = nullptr;
+  if (!job) return;
+  cancelling_signal = signal;
+  job->cancel();
+}
+
 void watch(sigset_t set) {
-  // What other libraries do cannot be cancelled, such as meshing and the compiling of kernels.
-  timespec patience{1, 500'000'000};
-  int written = 0;
+  cancel_on(next_of(set));
   for (;;) {
-    const bool is_first = first_signal == 0;
-    const int signal = is_first ? sigwaitinfo(&set, nullptr) : sigtimedwait(&set, nullptr, &patience);
+    // What other libraries do cannot be cancelled, such as meshing and the compiling of kernels.
+    constexpr timespec kPatience{1, 500'000'000};
+    const int signal = sigtimedwait(&set, nullptr, &kPatience);
+    const bool is_too_late = signal < 0 && errno == EAGAIN;
     const std::lock_guard lock(job_mutex);
-    if (is_first && signal > 0) {
-      first_signal = signal;
-      written = files_written();
-      if (job) job->cancel();
-    } else if (signal < 0 && job && written < files_written()) {  // it has just done its work
-      written = std::numeric_limits<int>::max();
-      patience = {0, 400'000'000};
-    } else if (signal > 0 || (errno == EAGAIN && job)) {
-      if (signal < 0) log_to_stderr(cancelled_in_words());
-      remove_temporary_files();
-      _exit(kSignalStatus + (signal > 0 ? signal : first_signal.load()));
+    if (is_too_late && job && !abandon_outputs()) job = nullptr;
+    if (is_too_late && job) {
+      log_to_stderr(cancelled_in_words());
+      _exit(kSignalStatus + cancelling_signal);
+    }
+    if (signal > 0) {
+      abandon_outputs();
+      _exit(kSignalStatus + signal);
     }
   }
 }
@@ -74,12 +85,12 @@ SignalWatch::SignalWatch(Progress& progress) {
   std::thread(watch, set).detach();
 }
 
-SignalWatch::~SignalWatch() {
+void SignalWatch::end_job() {
   const std::lock_guard lock(job_mutex);
   job = nullptr;
 }
 
-int SignalWatch::caught() { return first_signal; }
+int SignalWatch::caught() { return cancelling_signal; }
 
 std::string cancelled_in_words() {
   const int files = files_written();

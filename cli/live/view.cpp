@@ -2,6 +2,7 @@
 #include "options/fluoroscope_options.hpp"
 #include "options/run_options.hpp"
 #include "options/scene_options.hpp"
+#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/network/listen_address.hpp"
 #include "xraycast/window/viewer_window.hpp"
@@ -55,6 +56,7 @@ void view(const ViewArguments& options, const Invocation& invocation) {
     // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
     if (options.session.empty()) scene.style.full_contrast = true;
   }
+  const OutputSeries files;
   run_viewer(scene, invocation.device, invocation.progress, simulation, fluoroscopy);
   invocation.progress.check();  // a signal closed it
 }

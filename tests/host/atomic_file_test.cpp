@@ -195,12 +195,6 @@ TEST_F(AtomicFiles, AreWholeHoweverManyWriteThem) {
   EXPECT_THAT(names(), ElementsAre("map.exr"));
 }
 
-TEST_F(AtomicFiles, AreRemovedBeforeAProcessEndsAtOnce) {
-  AtomicFile file(folder_ / "map.exr");
-  remove_temporary_files();
-  EXPECT_THAT(names(), IsEmpty());
-}
-
 // ---- a full disk ------------------------------------------------------------------------------------
 
 TEST_F(AtomicFiles, SayWhatTheyTakeWhenTheDiskIsFull) {

@@ -7,8 +7,12 @@
 #include <charconv>
 #include <cstring>
 #include <fcntl.h>
+#include <iterator>
+#include <mutex>
 #include <optional>
 #include <random>
+#include <set>
+#include <span>
 #include <string>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -21,6 +25,23 @@ namespace {
 namespace fs = std::filesystem;
 
 std::atomic<int> written{0};
+
+/// Which files this process has, and whether more of them get their names.
+struct Outputs {
+  std::mutex mutex;  ///< held while files are made and get their names
+  std::set<fs::path> temporaries;
+  int series = 0;
+  bool are_complete = false, are_closed = false;
+
+  void require_open() const {
+    if (are_closed) throw Cancelled();
+  }
+};
+
+Outputs& outputs() {
+  static Outputs& all = *new Outputs;  // threads may outlive static objects
+  return all;
+}
 
 bool is_full_disk(int reason) { return reason == ENOSPC || reason == EDQUOT || reason == EFBIG; }
 
@@ -179,13 +200,12 @@ fs::path without_slash(const fs::path& folder) {
   return folder.has_filename() ? folder : folder.parent_path();
 }
 
-/// The names of temporary files, for the signal handler, which handles at most this many.
-std::array<std::atomic<const char*>, 64> to_remove{};
-
-std::atomic<const char*>* remember(const char* name) {
-  for (auto& slot : to_remove)
-    if (const char* nothing = nullptr; slot.compare_exchange_strong(nothing, name)) return &slot;
-  return nullptr;
+/// Removes a temporary file or folder unless it has got its name.
+void forget(const fs::path& temporary, bool is_published) {
+  const std::lock_guard lock(outputs().mutex);
+  std::error_code ignored;
+  if (!is_published) fs::remove_all(temporary, ignored);
+  outputs().temporaries.erase(temporary);
 }
 
 }  // namespace
@@ -204,13 +224,12 @@ class AtomicFile::Temporary {
     }
     const TemporaryName names(place_.file);
     remove_leftovers(folder, names, Leftover::file);
+    const std::lock_guard lock(outputs().mutex);
+    outputs().require_open();
     create(folder, names);
-    remembered_ = remember(name_.c_str());
+    outputs().temporaries.insert(name_);
   }
-  ~Temporary() {
-    if (!is_published_) unlink(name_.c_str());
-    if (remembered_) remembered_->store(nullptr);
-  }
+  ~Temporary() { forget(name_, is_published_); }
   Temporary(const Temporary&) = delete;
   Temporary& operator=(const Temporary&) = delete;
 
@@ -230,13 +249,19 @@ class AtomicFile::Temporary {
     }
   }
 
-  /// Under the target's name.
-  void publish() {
-    if (place_.is_stream)
-      copy_to_stream();
-    else
-      rename();
-    ++written;
+  /// Under the targets' names: all, or none when the process was told to end before.
+  static void publish(std::span<const std::unique_ptr<Temporary>> files) {
+    // Those who read a stream take any time, which nobody who waits for the mutex has.
+    for (const auto& file : files)
+      if (file->place_.is_stream) file->copy_to_stream();
+    const std::lock_guard lock(outputs().mutex);
+    outputs().require_open();
+    for (const auto& file : files)
+      if (file->place_.is_stream)
+        ++written;
+      else
+        file->rename();
+    outputs().are_complete |= outputs().series == 0;
   }
 
  private:
@@ -258,6 +283,7 @@ class AtomicFile::Temporary {
     if (::rename(name_.c_str(), place_.file.c_str()) != 0)
       throw Error("{}: could not be renamed into place: {}", target_.string(), std::strerror(errno));
     is_published_ = true;
+    ++written;
     // A folder that cannot be opened for reading cannot be synced; the file is there all the same.
     const Descriptor folder(open(folder_of(place_.file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (folder() >= 0 && fsync(folder()) != 0 && (errno == EIO || is_full_disk(errno)))
@@ -282,7 +308,6 @@ class AtomicFile::Temporary {
   Place place_;
   fs::path name_;
   Descriptor file_;
-  std::atomic<const char*>* remembered_ = nullptr;
   bool is_published_ = false;
 };
 
@@ -309,10 +334,9 @@ Error AtomicFile::failure(int reason, std::int64_t needed_B) const {
 
 void AtomicFile::commit() {
   temporary_->sync();
-  if (open_set)
-    open_set->files_.push_back(std::move(temporary_));
-  else
-    std::exchange(temporary_, nullptr)->publish();
+  if (open_set) return open_set->files_.push_back(std::move(temporary_));
+  const auto file = std::exchange(temporary_, nullptr);
+  Temporary::publish({&file, 1});
 }
 
 OutputSet::OutputSet() : outer_(std::exchange(open_set, this)) {}
@@ -320,12 +344,21 @@ OutputSet::OutputSet() : outer_(std::exchange(open_set, this)) {}
 OutputSet::~OutputSet() { open_set = outer_; }
 
 void OutputSet::commit() {
-  for (auto& file : files_)
-    if (outer_)
-      outer_->files_.push_back(std::move(file));
-    else
-      file->publish();
+  if (outer_)
+    std::ranges::move(files_, std::back_inserter(outer_->files_));
+  else
+    AtomicFile::Temporary::publish(files_);
   files_.clear();
+}
+
+OutputSeries::OutputSeries() {
+  const std::lock_guard lock(outputs().mutex);
+  ++outputs().series;
+}
+
+OutputSeries::~OutputSeries() {
+  const std::lock_guard lock(outputs().mutex);
+  --outputs().series;
 }
 
 // ---- a temporary folder -----------------------------------------------------------------------------
@@ -343,6 +376,8 @@ class AtomicFolder::Temporary {
                        target.string());
     const TemporaryName names(target);
     remove_leftovers(above, names, Leftover::folder);
+    const std::lock_guard lock(outputs().mutex);
+    outputs().require_open();
     name_ = above / names.any();
     if (mkdir(name_.c_str(), 0777) != 0) {
       if (is_full_disk(errno)) throw failure_of(target, errno, 0);
@@ -350,20 +385,29 @@ class AtomicFolder::Temporary {
     }
     lock_ = Descriptor(open(name_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     flock(lock_(), LOCK_EX);
+    outputs().temporaries.insert(name_);
   }
-  ~Temporary() {
-    std::error_code ignored;
-    if (!name_.empty()) fs::remove_all(name_, ignored);
-  }
+  ~Temporary() { forget(name_, is_published_); }
   Temporary(const Temporary&) = delete;
   Temporary& operator=(const Temporary&) = delete;
 
-  const fs::path& name() const { return name_; }
+  /// A new file in it, or none, with errno.
+  Descriptor add(const std::string& name) const {
+    const std::lock_guard lock(outputs().mutex);
+    outputs().require_open();
+    return Descriptor(
+        open((name_ / name).c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
+  }
 
   /// False, with errno, when it cannot be renamed.
   bool publish(const fs::path& target) {
-    if (fsync(lock_()) != 0 || ::rename(name_.c_str(), target.c_str()) != 0) return false;
-    name_.clear();
+    if (fsync(lock_()) != 0) return false;
+    const std::lock_guard lock(outputs().mutex);
+    outputs().require_open();
+    if (::rename(name_.c_str(), target.c_str()) != 0) return false;
+    is_published_ = true;
+    ++written;
+    outputs().are_complete |= outputs().series == 0;
     const Descriptor above(open(folder_of(target).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (above() >= 0) fsync(above());
     return true;
@@ -372,6 +416,7 @@ class AtomicFolder::Temporary {
  private:
   fs::path name_;
   Descriptor lock_;
+  bool is_published_ = false;
 };
 
 AtomicFolder::AtomicFolder(fs::path target)
@@ -381,8 +426,7 @@ AtomicFolder::~AtomicFolder() = default;
 
 void AtomicFolder::write(const std::string& name, std::initializer_list<std::string_view> parts,
                          std::int64_t needed_B) const {
-  const fs::path file_name = temporary_->name() / name;
-  Descriptor file(open(file_name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
+  Descriptor file = temporary_->add(name);
   const auto check = [&](bool is_done) {
     if (!is_done) throw failure_of(target_ / name, errno, needed_B);
   };
@@ -396,14 +440,26 @@ void AtomicFolder::commit() {
   if (!temporary_->publish(target_))
     throw Error("{}: could not be renamed into place: {}", target_.string(), std::strerror(errno));
   temporary_.reset();
-  ++written;
 }
+
+// ---- a process that is told to end ------------------------------------------------------------------
 
 int files_written() { return written; }
 
-void remove_temporary_files() noexcept {
-  for (const auto& slot : to_remove)
-    if (const char* name = slot.load()) unlink(name);
+bool close_outputs() {
+  const std::lock_guard lock(outputs().mutex);
+  if (outputs().are_complete) return false;
+  if (outputs().series == 0) outputs().are_closed = true;
+  return true;
+}
+
+bool abandon_outputs() {
+  const std::lock_guard lock(outputs().mutex);
+  if (outputs().are_complete) return false;
+  outputs().are_closed = true;
+  std::error_code ignored;
+  for (const fs::path& temporary : outputs().temporaries) fs::remove_all(temporary, ignored);
+  return true;
 }
 
 }  // namespace xraycast

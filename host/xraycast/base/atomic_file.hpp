@@ -47,7 +47,7 @@ class AtomicFile {
   Error failure(int reason, std::int64_t needed_B = 0) const;
 
   /// Flushes the finished file to the disk and renames it, or leaves that to the OutputSet of this thread.
-  /// Throws Error when that fails.
+  /// Throws Error when that fails, and Cancelled after close_outputs().
   void commit();
 
  private:
@@ -68,13 +68,23 @@ class OutputSet {
   OutputSet(const OutputSet&) = delete;
   OutputSet& operator=(const OutputSet&) = delete;
 
-  /// Throws Error when a file cannot be renamed.
+  /// Throws Error when a file cannot be renamed, and Cancelled, before any is, after close_outputs().
   void commit();
 
  private:
   friend class AtomicFile;
   OutputSet* outer_;
   std::vector<std::unique_ptr<AtomicFile::Temporary>> files_;
+};
+
+/// Files that appear one after the other, such as the frames of a cine: while one lives, a file that gets its
+/// name is not the last of its job. Any other file, or set of them, is.
+class OutputSeries {
+ public:
+  OutputSeries();
+  ~OutputSeries();
+  OutputSeries(const OutputSeries&) = delete;
+  OutputSeries& operator=(const OutputSeries&) = delete;
 };
 
 /// A folder that appears under its name only when all its files are complete. They are written into a
@@ -109,7 +119,13 @@ inline void check_writable(const std::filesystem::path& target) { const AtomicFi
 /// How many files this process has put under their names so far.
 int files_written();
 
-/// Removes the temporary files of this process, which must end at once. Safe in a signal handler.
-void remove_temporary_files() noexcept;
+/// Called when the job of this process is told to end; waits while files get their names. False, without
+/// effect, when the job's last file has its name. Else no file gets one any more: from now on AtomicFile and
+/// AtomicFolder throw Cancelled where they are made and committed. Within an OutputSeries files still may.
+bool close_outputs();
+
+/// As close_outputs(), within an OutputSeries too, and removes all temporary files and folders: for a process
+/// that then ends at once.
+bool abandon_outputs();
 
 }  // namespace xraycast

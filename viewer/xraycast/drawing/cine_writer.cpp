@@ -1,5 +1,6 @@
 #include "xraycast/drawing/cine_writer.hpp"
 
+#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/picture_file.hpp"
@@ -14,7 +15,9 @@ namespace xraycast {
 bool is_animation(const std::filesystem::path& path) { return extension_of(path) == ".gif"; }
 
 CineWriter::CineWriter(std::filesystem::path output, int width, int height, double frame_s)
-    : output_(std::move(output)), width_(width), height_(height), frame_s_(frame_s) {}
+    : output_(std::move(output)), width_(width), height_(height), frame_s_(frame_s) {
+  if (!is_animation(output_)) frames_ = std::make_unique<OutputSeries>();
+}
 
 CineWriter::CineWriter(CineWriter&&) noexcept = default;
 CineWriter::~CineWriter() = default;
@@ -35,6 +38,7 @@ std::filesystem::path CineWriter::frame(int number) const {
 
 void CineWriter::finish() {
   if (animation_) animation_->finish();
+  frames_.reset();
   if (is_animation(output_)) return;
   std::error_code error;
   for (int number = count_; std::filesystem::is_regular_file(frame(number), error); ++number)

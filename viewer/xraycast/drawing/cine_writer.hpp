@@ -8,6 +8,7 @@
 namespace xraycast {
 
 class GifFile;
+class OutputSeries;
 
 /// Whether a cine's name means an animation (.gif) and not a folder of PNGs.
 bool is_animation(const std::filesystem::path& path);
@@ -36,7 +37,8 @@ class CineWriter {
   std::filesystem::path output_;
   int width_, height_, count_ = 0;
   double frame_s_;
-  std::unique_ptr<GifFile> animation_;  ///< from its first frame on
+  std::unique_ptr<GifFile> animation_;    ///< from its first frame on
+  std::unique_ptr<OutputSeries> frames_;  ///< in a folder, until the cine is finished
 };
 
 }  // namespace xraycast
