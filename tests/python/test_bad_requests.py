@@ -131,6 +131,8 @@ BAD = {
         "patient of no DICOM": (dict(patient="Doe^Jane,1"),
                                 "`patient` does not apply to out.nrrd, which is not DICOM; leave it out or name a folder"),
         "patient without an ID": (dict(patient="Doe", output="series"), "`patient` Doe: must be NAME,ID, such as Doe^Jane,12345"),
+        "series of no DICOM": (dict(series="3"),
+                               "water.nrrd: not DICOM, so there are no series to choose from; leave out `series` 3"),
         "infinite offset": (dict(offset_hu=float("inf")), "water.nrrd: the offset of inf HU must be within 65536 of 0"),
     },
 }

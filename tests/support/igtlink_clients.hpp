@@ -4,6 +4,7 @@
 
 #include <arpa/inet.h>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <cstdint>
 #include <igtlClientSocket.h>
@@ -14,6 +15,7 @@
 #include <igtlStatusMessage.h>
 #include <igtlTransformMessage.h>
 #include <optional>
+#include <poll.h>
 #include <string>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -129,6 +131,22 @@ class BareConnection {
       const ssize_t n = ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL);
       if (n < 0) return false;
       sent += static_cast<std::size_t>(n);
+    }
+    return true;
+  }
+
+  /// As send(), but reads what has come where it cannot send for a while. Into a full receive buffer Linux
+  /// takes no acknowledgment that comes behind data: what the other side sends again, later and later, then
+  /// lets the two go on at the pace of minutes, and a server ends a connection that takes nothing for one.
+  bool send_reading_late(const std::string& bytes) {
+    constexpr int kStuck_ms = 500;
+    for (std::size_t sent = 0; sent < bytes.size();) {
+      pollfd ready{socket_, POLLOUT, 0};
+      if (poll(&ready, 1, kStuck_ms) == 0) read();
+      const ssize_t n =
+          ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (n < 0 && errno != EAGAIN) return false;
+      if (n > 0) sent += static_cast<std::size_t>(n);
     }
     return true;
   }

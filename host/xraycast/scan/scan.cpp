@@ -4,6 +4,7 @@
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/printable.hpp"
 #include "xraycast/image_file/image_file_scan.hpp"
 #include "xraycast/image_file/image_file_stack.hpp"
 #include "xraycast/scan/unpacked_zip.hpp"
@@ -51,6 +52,13 @@ Format format_of(const fs::path& path) {
   if (is_vti(bytes)) return Format::vti;
   if (is_zip(bytes)) return Format::zip;
   return Format::unknown;
+}
+
+/// Only DICOM files state the series that they are of.
+void check_no_series(const fs::path& path, const ScanOptions& options) {
+  if (!options.series.empty())
+    throw InputError("{}: not DICOM, so there are no series to choose from; leave out `series` {}",
+                     path.string(), excerpt(options.series));
 }
 
 /// All files of a folder and of the folders in it. Sorted, because the order in which a folder lists its
@@ -136,7 +144,10 @@ Scan open_folder(const fs::path& path, const ScanOptions& options, Progress& pro
     warn_of_stumps(unknown, dicom, scan.info);
     return scan;
   }
-  if (!genesis.empty()) return open_genesis(path, of_one_folder(genesis, path), options, progress);
+  if (!genesis.empty()) {
+    check_no_series(path, options);
+    return open_genesis(path, of_one_folder(genesis, path), options, progress);
+  }
   if (!others.empty())
     throw InputError("{}: the folder holds no DICOM or GE Genesis slices; give the file itself, such as {}",
                      path.string(), largest(others).lexically_relative(path).string());
@@ -202,7 +213,10 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
     throw InputError("{}: neither a file nor a folder; give the file itself, not a pipe or device",
                      path.string());
 
-  switch (format_of(path)) {
+  const Format format = format_of(path);
+  if (format != Format::unknown && format != Format::dicom && format != Format::zip)
+    check_no_series(path, options);
+  switch (format) {
     case Format::dicom:
       // The files that a DICOMDIR lists are in its folder.
       if (is_dicom_directory(path)) return open_folder(fs::absolute(path).parent_path(), options, progress);
