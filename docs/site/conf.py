@@ -7,7 +7,7 @@ HERE = pathlib.Path(__file__).parent
 sys.path.insert(0, str(HERE / "python"))
 
 project = "xraycast"
-release = re.search(r"VERSION ([0-9.]+)", (HERE / "CMakeLists.txt").read_text())[1]
+release = re.search(r"project\(xraycast VERSION ([0-9.]+)", (HERE / "CMakeLists.txt").read_text())[1]
 root_doc = "index"
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 exclude_patterns = ["README.md", "docs/site", "docs/tools", "docs/images"]
@@ -34,7 +34,13 @@ def without_folders(app, page, source):
     source[0] = re.sub(r"(?<!!)\[([^\[\]]+)\]\(([\w./-]+)\)", link, source[0])
 
 
+def arguments_apart(app, what, name, thing, options, lines):
+    """A docstring has a line for each argument, `name: what it is`, which becomes a paragraph."""
+    lines[:] = [part for line in lines for part in (["", line] if re.match(r"[A-Za-z_][\w, ]*: ", line) else [line])]
+
+
 def setup(app):
+    app.connect("autodoc-process-docstring", arguments_apart)
     app.connect("source-read", without_folders)
 
 

@@ -46,7 +46,7 @@ def python_page(names):
     lines = ["# The Python package", "", "What `import xraycast` gives; [Python](docs/python.md) tells how it goes together.", "",
              "```{eval-rst}", ".. currentmodule:: xraycast", ""]
     for name, kind in names:
-        lines += [f".. auto{kind}:: {name}"] + ([] if kind == "function" else ["   :members:", "   :special-members: __call__, __len__, __getitem__"]) + [""]
+        lines += [f".. auto{kind}:: {name}"] + ([] if kind == "function" else ["   :members:", "   :undoc-members:", "   :special-members: __call__, __len__, __getitem__"]) + [""]
     lines += ["```", ""]
     for module, purpose in MODULES.items():
         lines += [f"## {purpose}", "", "```{eval-rst}", f".. automodule:: {module}", "   :members:", "```", ""]
