@@ -1,5 +1,6 @@
 #include "body.hpp"
 
+#include "arguments.hpp"
 #include "drawing.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
@@ -72,7 +73,7 @@ std::shared_ptr<HeldBasis> cast_basis(HeldScan& scan, CastRequest request, const
                    [&](Progress& reported) { return held(*cast_held(scan, request, reported).basis); });
 }
 
-HeldBody recast(HeldBasis& basis, const OpacityArgument& opacity, const nb::object& progress) {
+HeldBody recast(HeldBasis& basis, const OpacityArgument& opacity, const ProgressArgument& progress) {
   const Opacity chosen = opacity_of(opacity, "recast");
   return result_of(progress, [&](Progress&) {
     const DeviceUse device;
@@ -156,7 +157,7 @@ auto whole(Progress& progress, const char* stage, const Work& work) {
   return result;
 }
 
-HeldBody read_map(nb::handle path, const nb::object& progress) {
+HeldBody read_map(const PathArgument& path, const ProgressArgument& progress) {
   const std::string file = path_of(path);
   return result_of(progress, [&](Progress& reported) {
     return whole(reported, "reading",
@@ -164,7 +165,7 @@ HeldBody read_map(nb::handle path, const nb::object& progress) {
   });
 }
 
-std::shared_ptr<HeldBasis> read_basis_file(nb::handle path, const nb::object& progress) {
+std::shared_ptr<HeldBasis> read_basis_file(const PathArgument& path, const ProgressArgument& progress) {
   const std::string file = path_of(path);
   return result_of(progress, [&](Progress& reported) {
     return whole(reported, "reading", [&] { return held(read_basis(file)); });
@@ -191,7 +192,7 @@ void add_body(nb::module_& module) {
                   "Reads a map that `xraycast cast` or write() wrote.")
       .def(
           "write",
-          [](const HeldBody& self, nb::handle path, const nb::object& progress) {
+          [](const HeldBody& self, const PathArgument& path, const ProgressArgument& progress) {
             write_file(path, progress, [&](const std::string& file) { write_body_map(*self.map, file); });
           },
           nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
@@ -221,10 +222,11 @@ void add_body(nb::module_& module) {
           "What cast() chose, left out or advises.")
       .def(
           "render",
-          [](const HeldBody& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
-             nb::object pixel_mm, nb::object centre_mm, nb::object vessels, nb::object devices,
+          [](const HeldBody& self, const ArrayArgument& lao, const ArrayArgument& cranial,
+             const ArrayArgument& size, const ArrayArgument& cone_mm, const ArrayArgument& pixel_mm,
+             const ArrayArgument& centre_mm, const VesselsArgument& vessels, const DevicesArgument& devices,
              double contrast_mg_ml, const std::string& look, const std::string& compositing,
-             const nb::object& fluoroscope, const nb::object& progress) {
+             const FluoroscopeArgument& fluoroscope, const ProgressArgument& progress) {
             return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
                           {{vessels, devices, contrast_mg_ml}, look, compositing, fluoroscope}, progress);
           },
@@ -265,7 +267,7 @@ void add_basis(nb::module_& module) {
       .def_static("read", read_basis_file, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none())
       .def(
           "write",
-          [](const HeldBasis& self, nb::handle path, const nb::object& progress) {
+          [](const HeldBasis& self, const PathArgument& path, const ProgressArgument& progress) {
             write_file(path, progress, [&](const std::string& file) { write_basis(*self.basis, file); });
           },
           nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none())
@@ -294,7 +296,7 @@ void def_cast(nb::class_<HeldScan>& scan, const char* name, Make make, const std
              std::optional<double> radius_mm, const std::optional<Centre>& centre_mm,
              const std::optional<Path>& centre_line, bool keep_table, const std::optional<Path>& iodine,
              const std::optional<Path>& without_vessels, std::optional<std::int64_t> memory_limit_B,
-             const std::optional<std::vector<double>>& knots_hu, const nb::object& progress) {
+             const std::optional<std::vector<double>>& knots_hu, const ProgressArgument& progress) {
         CastRequest request{.projection = parse_projection(projection),
                             .layers = layers,
                             .angles = angles,

@@ -1,3 +1,4 @@
+#include "arguments.hpp"
 #include "job.hpp"
 #include "run.hpp"
 #include "values.hpp"
@@ -163,8 +164,8 @@ struct HeldCatheter {
   HeldDevices held;
 };
 
-void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::object& model,
-                   const nb::object& entry) {
+void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const PathArgument& model,
+                   const EntryArgument& entry) {
   nb::list models;
   models.append(model);
   const RunRequest request = run_of(tree, models, entry, "model");
@@ -172,8 +173,8 @@ void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::objec
   new (catheter) HeldCatheter{HeldDevices(request)};
 }
 
-void make_devices(HeldDevices* devices, const HeldTree& tree, const nb::object& models,
-                  const nb::object& entry) {
+void make_devices(HeldDevices* devices, const HeldTree& tree, const InstrumentsArgument& models,
+                  const EntryArgument& entry) {
   const RunRequest request = run_of(tree, models, entry, "models");
   const nb::gil_scoped_release released;
   new (devices) HeldDevices(request);
@@ -199,8 +200,8 @@ std::vector<State> move_by(HeldDevices& devices, Motion motion, int ms) {
   return devices.step(motion, ms, call);
 }
 
-std::vector<State> move_hubs(HeldDevices& devices, const nb::object& push_mm, const nb::object& turn_deg,
-                             int ms) {
+std::vector<State> move_hubs(HeldDevices& devices, const ArrayArgument& push_mm,
+                             const ArrayArgument& turn_deg, int ms) {
   return move_by(
       devices,
       {moves_of(push_mm, devices.count(), "push_mm"), moves_of(turn_deg, devices.count(), "turn_deg")}, ms);
@@ -279,7 +280,7 @@ std::vector<std::string> names_of(HeldDevices& devices) {
   return names;
 }
 
-void exchange_device(HeldDevices& devices, int device, const nb::object& model) {
+void exchange_device(HeldDevices& devices, int device, const PathArgument& model) {
   const std::size_t number = checked_device(devices, device);
   const std::string name = device_name(model, "model");
   const nb::gil_scoped_release released;
