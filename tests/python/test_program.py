@@ -22,7 +22,7 @@ def installed(tmp_path):
     package = tmp_path / "xraycast"
     shutil.copytree(pathlib.Path(xraycast.__file__).parent, package, symlinks=True)
     (package / "bin").mkdir()
-    (package / "bin/xraycast").symlink_to(PROGRAM)
+    shutil.copy(PROGRAM, package / "bin")  # away from what it loads, OpenImageIO
     return {**os.environ, "PYTHONPATH": str(tmp_path)}
 
 
@@ -40,6 +40,17 @@ def test_is_the_program(installed):
 
 def test_is_named_xraycast_and_takes_input(installed):
     assert "Usage: xraycast " in run(installed, "--help").stdout
+
+
+def test_says_what_to_install_for_a_format_that_a_wheel_leaves_out(installed, tmp_path):
+    made = run(installed, "phantom", "box", "--size", "16x16x16", "-o", "box.nrrd", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    assert run(installed, "project", "box.nrrd", "-o", "x.png", cwd=tmp_path).returncode == 0
+    for name in ("x.jpg", "x.tif"):
+        done = run(installed, "project", "box.nrrd", "-o", name, cwd=tmp_path)
+        assert done.returncode == 1 and done.stderr.count("\n") == 1, done.stderr
+        assert name in done.stderr and "name a .png or .exr, or install Debian's package xraycast" in done.stderr
+        assert not (tmp_path / name).exists()
 
 
 def test_says_what_to_do_where_the_program_is_missing(tmp_path):
