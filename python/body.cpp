@@ -1,5 +1,6 @@
 #include "body.hpp"
 
+#include "arguments.hpp"
 #include "drawing.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
@@ -72,7 +73,7 @@ std::shared_ptr<HeldBasis> cast_basis(HeldScan& scan, CastRequest request, const
                    [&](Progress& reported) { return held(*cast_held(scan, request, reported).basis); });
 }
 
-HeldBody recast(HeldBasis& basis, const OpacityArgument& opacity, const nb::object& progress) {
+HeldBody recast(HeldBasis& basis, const OpacityArgument& opacity, const ProgressArgument& progress) {
   const Opacity chosen = opacity_of(opacity, "recast");
   return result_of(progress, [&](Progress&) {
     const DeviceUse device;
@@ -156,7 +157,7 @@ auto whole(Progress& progress, const char* stage, const Work& work) {
   return result;
 }
 
-HeldBody read_map(nb::handle path, const nb::object& progress) {
+HeldBody read_map(const PathArgument& path, const ProgressArgument& progress) {
   const std::string file = path_of(path);
   return result_of(progress, [&](Progress& reported) {
     return whole(reported, "reading",
@@ -164,7 +165,7 @@ HeldBody read_map(nb::handle path, const nb::object& progress) {
   });
 }
 
-std::shared_ptr<HeldBasis> read_basis_file(nb::handle path, const nb::object& progress) {
+std::shared_ptr<HeldBasis> read_basis_file(const PathArgument& path, const ProgressArgument& progress) {
   const std::string file = path_of(path);
   return result_of(progress, [&](Progress& reported) {
     return whole(reported, "reading", [&] { return held(read_basis(file)); });
@@ -182,8 +183,8 @@ void write_file(nb::handle path, const nb::object& progress, const Write& write)
   });
 }
 
-void write_map(const HeldBody& body, nb::handle path, const std::optional<std::string>& precision,
-               const nb::object& progress) {
+void write_map(const HeldBody& body, const PathArgument& path, const std::optional<std::string>& precision,
+               const ProgressArgument& progress) {
   const MapPrecision stored = precision ? parse_map_precision(*precision) : body.map->precision;
   write_file(path, progress, [&](const std::string& file) {
     if (stored == body.map->precision) return write_body_map(*body.map, file);
@@ -230,10 +231,12 @@ void add_body(nb::module_& module) {
           "What cast() chose, left out or advises.")
       .def(
           "render",
-          [](const HeldBody& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
-             nb::object pixel_mm, nb::object centre_mm, nb::object vessels, nb::object instruments,
-             double contrast_mg_ml, const std::string& look, const std::string& compositing,
-             const nb::object& fluoroscope, const nb::object& progress) {
+          [](const HeldBody& self, const ArrayArgument& lao, const ArrayArgument& cranial,
+             const ArrayArgument& size, const ArrayArgument& cone_mm, const ArrayArgument& pixel_mm,
+             const ArrayArgument& centre_mm, const VesselsArgument& vessels,
+             const DevicesArgument& instruments, double contrast_mg_ml, const std::string& look,
+             const std::string& compositing, const FluoroscopeArgument& fluoroscope,
+             const ProgressArgument& progress) {
             return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
                           {{vessels, instruments, contrast_mg_ml}, look, compositing, fluoroscope}, progress);
           },
@@ -274,7 +277,7 @@ void add_basis(nb::module_& module) {
       .def_static("read", read_basis_file, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none())
       .def(
           "write",
-          [](const HeldBasis& self, nb::handle path, const nb::object& progress) {
+          [](const HeldBasis& self, const PathArgument& path, const ProgressArgument& progress) {
             write_file(path, progress, [&](const std::string& file) { write_basis(*self.basis, file); });
           },
           nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none())
@@ -303,7 +306,7 @@ void def_cast(nb::class_<HeldScan>& scan, const char* name, Make make, const std
              std::optional<double> radius_mm, const std::optional<Centre>& centre_mm,
              const std::optional<Path>& centre_line, bool keep_table, const std::optional<Path>& iodine,
              const std::optional<Path>& without_vessels, std::optional<std::int64_t> memory_limit_B,
-             const std::optional<std::vector<double>>& knots_hu, const nb::object& progress) {
+             const std::optional<std::vector<double>>& knots_hu, const ProgressArgument& progress) {
         CastRequest request{.projection = parse_ray_layout(projection),
                             .layers = layers,
                             .angles = angles,

@@ -1,3 +1,4 @@
+#include "arguments.hpp"
 #include "job.hpp"
 #include "run.hpp"
 #include "values.hpp"
@@ -164,8 +165,8 @@ struct HeldCatheter {
   HeldInstruments held;
 };
 
-void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::object& model,
-                   const nb::object& entry) {
+void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const PathArgument& model,
+                   const EntryArgument& entry) {
   nb::list models;
   models.append(model);
   const RunRequest request = run_of(tree, models, entry, "model");
@@ -173,8 +174,8 @@ void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::objec
   new (catheter) HeldCatheter{HeldInstruments(request)};
 }
 
-void make_instruments(HeldInstruments* instruments, const HeldTree& tree, const nb::object& models,
-                      const nb::object& entry) {
+void make_instruments(HeldInstruments* instruments, const HeldTree& tree, const ModelsArgument& models,
+                      const EntryArgument& entry) {
   const RunRequest request = run_of(tree, models, entry, "models");
   const nb::gil_scoped_release released;
   new (instruments) HeldInstruments(request);
@@ -201,8 +202,8 @@ std::vector<State> move_by(HeldInstruments& instruments, Motion motion, int ms) 
   return instruments.step(motion, ms, call);
 }
 
-std::vector<State> move_hubs(HeldInstruments& instruments, const nb::object& push_mm,
-                             const nb::object& turn_deg, int ms) {
+std::vector<State> move_hubs(HeldInstruments& instruments, const ArrayArgument& push_mm,
+                             const ArrayArgument& turn_deg, int ms) {
   return move_by(instruments,
                  {moves_of(push_mm, instruments.count(), "push_mm"),
                   moves_of(turn_deg, instruments.count(), "turn_deg")},
@@ -283,7 +284,7 @@ std::vector<std::string> names_of(HeldInstruments& instruments) {
   return names;
 }
 
-void exchange_instrument(HeldInstruments& instruments, int instrument, const nb::object& model) {
+void exchange_instrument(HeldInstruments& instruments, int instrument, const PathArgument& model) {
   const std::size_t number = checked_instrument(instruments, instrument);
   const std::string name = instrument_name(model, "model");
   const nb::gil_scoped_release released;

@@ -1,3 +1,4 @@
+#include "arguments.hpp"
 #include "body.hpp"
 #include "drawing.hpp"
 #include "job.hpp"
@@ -51,7 +52,7 @@ HeldComparison compare_maps(HeldScan& scan, const std::variant<HeldBody, std::ve
                             int views, const std::optional<std::vector<double>>& angles, double cranial,
                             const std::optional<std::pair<double, double>>& cone_mm,
                             const std::string& compositing, const std::string& reconstruction,
-                            const nb::object& pictures, const nb::object& progress) {
+                            const PicturesArgument& pictures, const ProgressArgument& progress) {
   HeldComparison held{scan.source(),
                       {.maps = named(maps),
                        .angles_deg = angles ? *angles : angles_around_deg(views),

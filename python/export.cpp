@@ -64,7 +64,8 @@ void add_export(nb::module_& module) {
       "def export(body: BodyMap, path: str | os.PathLike[str], *, "
       "vessels: Vessels | VesselTree | Mesh | str | os.PathLike[str] | None = None, run: Run | None = None, "
       "title: str = '{}', precision: str = 'byte', contrast_mg_ml: float = {:.1f}, "
-      "session: str | os.PathLike[str] | None = None, progress: object = None) -> None",
+      "session: str | os.PathLike[str] | None = None, progress: xraycast._progress.Listener | None = None) "
+      "-> None",
       usual.title, kUsualContrast_mg_ml);
   module.def(
       "export", export_session, nb::arg("body"), nb::arg("path"), nb::kw_only(),

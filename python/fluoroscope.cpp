@@ -1,5 +1,6 @@
 #include "fluoroscope.hpp"
 
+#include "arguments.hpp"
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
 
@@ -21,10 +22,10 @@ std::string stages_of(const nb::object& stages) {
   return nb::cast<std::string>(nb::str(",").attr("join")(stages));
 }
 
-void make_fluoroscope(HeldFluoroscope* fluoroscope, const nb::object& c_arm, std::optional<double> field_mm,
-                      const nb::object& collimate, const std::string& dose, std::optional<int> kvp,
+void make_fluoroscope(HeldFluoroscope* fluoroscope, const PathArgument& c_arm, std::optional<double> field_mm,
+                      const ArrayArgument& collimate, const std::string& dose, std::optional<int> kvp,
                       std::optional<double> mas, std::optional<double> photons, double pulse_rate,
-                      const nb::object& stages, std::uint32_t seed) {
+                      const NamesArgument& stages, std::uint32_t seed) {
   FluoroscopeRequest request{.c_arm = c_arm.is_none() ? "" : path_of(c_arm),
                              .field_mm = field_mm,
                              .dose = dose,

@@ -1,5 +1,6 @@
 #include "frame.hpp"
 
+#include "arguments.hpp"
 #include "scene.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/base/error.hpp"
@@ -95,7 +96,7 @@ nb::bytes png_of(const Frame& frame) {
   return nb::bytes(bytes.data(), bytes.size());
 }
 
-void write_frame(const Frame& frame, nb::handle path, double gamma, bool inverted) {
+void write_frame(const Frame& frame, const PathArgument& path, double gamma, bool inverted) {
   const std::string file = path_of(path);
   if (!(gamma >= 0.1 && gamma <= 10)) throw InputError("gamma {:g}: must be 0.1 to 10", gamma);
   if (std::holds_alternative<PinholeCamera>(frame.pose) && !is_picture(file))
@@ -133,7 +134,10 @@ void add_array_protocols(Class& held, nb::object (*array)(const Type&)) {
           [array](const Type& self, const nb::object& dtype, const nb::object& copy) {
             return as_array(array(self), dtype, copy);
           },
-          nb::arg("dtype") = nb::none(), nb::arg("copy") = nb::none())
+          nb::arg("dtype") = nb::none(), nb::arg("copy") = nb::none(),
+          nb::sig(
+              "def __array__(self, dtype: numpy.typing.DTypeLike | None = None, copy: bool | None = None) -> "
+              "numpy.typing.NDArray[numpy.float32]"))
       .def("__dlpack__",
            [array](const Type& self, const nb::kwargs& wishes) {
              return array(self).attr("__dlpack__")(**wishes);
@@ -208,7 +212,8 @@ void add_frames(nb::module_& module) {
           "The Exposure; None without a fluoroscope.")
       .def(
           "absorption",
-          [](const Frame& f, nb::object vessels, nb::object instruments, double contrast_mg_ml) {
+          [](const Frame& f, const VesselsArgument& vessels, const InstrumentsArgument& instruments,
+             double contrast_mg_ml) {
             return absorption_array(f, {vessels, instruments, contrast_mg_ml});
           },
           nb::kw_only(), nb::arg("vessels") = nb::none(), nb::arg("instruments") = nb::none(),
@@ -236,12 +241,15 @@ void add_frames(nb::module_& module) {
             if (!cone) return nb::none();
             return nb::make_tuple(cone->source_axis_mm, cone->source_detector_mm);
           },
+          nb::sig("def cone_mm(self) -> tuple[float, float] | None"),
           "(source to isocentre, source to detector), mm; None for a parallel beam.")
       .def_prop_ro(
           "K", [](const Frame& f) { return intrinsics_of(f.pose); },
+          nb::sig("def K(self) -> numpy.typing.NDArray[numpy.float64] | typing.Any"),
           "3 x 3, pixels; the centre of pixel (0, 0) is at (0, 0). None for a parallel beam.")
       .def_prop_ro(
           "RT", [](const Frame& f) { return extrinsics_of(f.pose); },
+          nb::sig("def RT(self) -> numpy.typing.NDArray[numpy.float64] | typing.Any"),
           "3 x 4, from LPS mm to the camera's mm, z forward. None for a parallel beam.")
       .def("write", write_frame, nb::arg("path"), nb::kw_only(), nb::arg("gamma") = 1.0,
            nb::arg("inverted") = false,

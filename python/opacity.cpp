@@ -1,5 +1,6 @@
 #include "opacity.hpp"
 
+#include "arguments.hpp"
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
 
@@ -46,7 +47,7 @@ void add_opacity(nb::module_& module) {
       "From CT numbers to attenuation: linear between knots (HU, mu in 1/mm), constant beyond.")
       .def(
           "__init__",
-          [](Opacity* self, const nb::object& knots, const std::string& name) {
+          [](Opacity* self, const ArrayArgument& knots, const std::string& name) {
             new (self) Opacity(with_knots(knots, name));
           },
           nb::arg("knots"), nb::arg("name") = "custom")

@@ -1,3 +1,4 @@
+#include "arguments.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "job.hpp"
@@ -124,10 +125,11 @@ FrameOrFrames project_scan(HeldScan& scan, const PoseArguments& arguments, const
 void add_projection(nb::class_<HeldScan>& scan) {
   scan.def(
       "project",
-      [](HeldScan& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
-         nb::object pixel_mm, nb::object centre_mm, nb::object k, nb::object rt,
-         const OpacityArgument& opacity, bool gradient, nb::object vessels, nb::object instruments,
-         double contrast_mg_ml, const nb::object& fluoroscope, const nb::object& progress) {
+      [](HeldScan& self, const ArrayArgument& lao, const ArrayArgument& cranial, const ArrayArgument& size,
+         const ArrayArgument& cone_mm, const ArrayArgument& pixel_mm, const ArrayArgument& centre_mm,
+         const ArrayArgument& k, const ArrayArgument& rt, const OpacityArgument& opacity, bool gradient,
+         const VesselsArgument& vessels, const DevicesArgument& instruments, double contrast_mg_ml,
+         const FluoroscopeArgument& fluoroscope, const ProgressArgument& progress) {
         return project_scan(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
                             gradient, {vessels, instruments, contrast_mg_ml}, fluoroscope, progress);
       },

@@ -1,5 +1,6 @@
 #include "run.hpp"
 
+#include "arguments.hpp"
 #include "job.hpp"
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
@@ -186,7 +187,9 @@ void add_run(nb::module_& module) {
            "instrument: its number, 0 for the outermost.")
       .def(
           "write",
-          [](const HeldRun& r, nb::handle path) { write_whole_file(path_of(path), to_csv(r.run.records)); },
+          [](const HeldRun& r, const PathArgument& path) {
+            write_whole_file(path_of(path), to_csv(r.run.records));
+          },
           nb::arg("path"), "Writes the records as CSV, as `xraycast simulate` does.")
       .def("__repr__", [](const HeldRun& r) {
         return text_object(fmt::format("<xraycast.Run of {}: {} records>", fmt::join(names_of(r), ", "),
@@ -199,7 +202,7 @@ void add_run(nb::module_& module) {
       nb::sig("def simulate(tree: VesselTree, instruments: collections.abc.Sequence[str | os.PathLike[str]], "
               "script: str | os.PathLike[str] | numpy.typing.ArrayLike, *, "
               "entry: int | numpy.typing.ArrayLike | None = None, interval_s: float = 0.0, "
-              "progress: object = None) -> Run"),
+              "progress: xraycast._progress.Listener | None = None) -> Run"),
       "Moves instruments through a VesselTree by a script, as fast as the machine can, and returns a Run.\n\n"
       "instruments: names of instruments or their JSON files, the outermost first; up to three, one in the "
       "other.\n"

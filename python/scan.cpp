@@ -1,5 +1,6 @@
 #include "scan.hpp"
 
+#include "arguments.hpp"
 #include "job.hpp"
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
@@ -48,7 +49,7 @@ ScanInfo info_of(std::string format) {
   return info;
 }
 
-HeldScan made_phantom(const std::string& name, PhantomOptions options, const nb::object& size,
+HeldScan made_phantom(const std::string& name, PhantomOptions options, const ArrayArgument& size,
                       const nb::object& progress) {
   if (!size.is_none()) {
     const glm::dvec3 voxels = point_of(size, "size");
@@ -169,7 +170,7 @@ nb::tuple direction_of(const HeldScan&) {
                         nb::make_tuple(0.0, 0.0, 1.0));
 }
 
-void write_scan(const HeldScan& scan, nb::handle path, const nb::object& progress) {
+void write_scan(const HeldScan& scan, const PathArgument& path, const ProgressArgument& progress) {
   const std::string file = path_of(path);
   check_volume_format(file);
   run_job(progress, [&](Progress& reported) { write_volume(*scan.volume(), file, reported); });
@@ -223,9 +224,13 @@ void add_scan(nb::module_& module) {
       "A CT scan in memory, aligned with the patient: x grows towards the left, y towards "
       "posterior, z towards superior (LPS, mm).");
   scan.def_static(
-          "from_array", from_array, nb::arg("hu"), nb::arg("spacing_mm"),
-          nb::arg("origin_mm") = nb::make_tuple(0, 0, 0), nb::arg("direction") = nb::none(), nb::kw_only(),
-          nb::arg("progress") = nb::none(),
+          "from_array",
+          [](const ArrayArgument& hu, const ArrayArgument& spacing_mm, const ArrayArgument& origin_mm,
+             const ArrayArgument& direction, const ProgressArgument& progress) {
+            return from_array(hu, spacing_mm, origin_mm, direction, progress);
+          },
+          nb::arg("hu"), nb::arg("spacing_mm"), nb::arg("origin_mm") = nb::make_tuple(0, 0, 0),
+          nb::arg("direction") = nb::none(), nb::kw_only(), nb::arg("progress") = nb::none(),
           "Makes a scan from an array of CT numbers.\n\n"
           "hu: (z, y, x) int16, Hounsfield units; shared, not copied, where it is contiguous, the direction "
           "is the identity and no value is below -1024. Do not write into it afterwards.\n"
@@ -234,10 +239,11 @@ void add_scan(nb::module_& module) {
           "reoriented or resampled.")
       .def_static(
           "from_sitk", [](const nb::object& image) { return with_sitk("from_sitk", image); },
-          nb::arg("image"), "Makes a scan from a SimpleITK image.")
+          nb::arg("image"), nb::sig("def from_sitk(image: typing.Any) -> Scan"),
+          "Makes a scan from a SimpleITK image.")
       .def(
           "to_sitk", [](const nb::object& self) { return with_sitk("to_sitk", self); },
-          "A SimpleITK image; a copy.")
+          nb::sig("def to_sitk(self) -> typing.Any"), "A SimpleITK image; a copy.")
       .def_prop_ro("hu", hu_of, kShared, "CT numbers, (z, y, x) int16, Hounsfield units; no copy, read-only.")
       .def_prop_ro(
           "spacing_mm", [](const HeldScan& s) { return tuple_of(s.geometry().spacing_mm); },
@@ -265,8 +271,11 @@ void add_scan(nb::module_& module) {
                    })
       .def_static("_of_array", unpickled)
       // Nothing of a scan can be changed.
-      .def("__copy__", [](const nb::object& self) { return self; })
-      .def("__deepcopy__", [](const nb::object& self, nb::handle) { return self; })
+      .def(
+          "__copy__", [](const nb::object& self) { return self; }, nb::sig("def __copy__(self) -> Scan"))
+      .def(
+          "__deepcopy__", [](const nb::object& self, nb::handle) { return self; }, nb::arg("memo"),
+          nb::sig("def __deepcopy__(self, memo: dict[int, typing.Any]) -> Scan"))
       .def("__reduce__", [](nb::handle self) { return reduced("scan", self); })
       .def("__repr__", scan_description);
   add_projection(scan);
@@ -275,8 +284,8 @@ void add_scan(nb::module_& module) {
 
   module.def(
       "open",
-      [](nb::handle path, const std::string& series, bool keep_slices, bool skip_damaged, double offset_hu,
-         const nb::object& progress) {
+      [](const PathArgument& path, const std::string& series, bool keep_slices, bool skip_damaged,
+         double offset_hu, const ProgressArgument& progress) {
         return open_file(path, {series, keep_slices, skip_damaged, offset_hu}, progress);
       },
       nb::arg("path"), nb::kw_only(), nb::arg("series") = "", nb::arg("keep_slices") = false,
@@ -304,15 +313,15 @@ void add_scan(nb::module_& module) {
       nb::sig(
           "def convert(input: str | os.PathLike[str], output: str | os.PathLike[str], *, patient: str = '', "
           "series: str = '', keep_slices: bool = False, skip_damaged: bool = False, offset_hu: float = 0.0, "
-          "progress: object = None) -> None"),
+          "progress: xraycast._progress.Listener | None = None) -> None"),
       "Writes a scan in another format, as `xraycast convert` does.\n\n"
       "output: a new folder for a DICOM CT series, or a file .nii, .nii.gz, .nrrd, .mha or .mhd.\n"
       "patient: of the DICOM series, `Doe^Jane,12345`.  series, keep_slices, skip_damaged, "
       "offset_hu: as open's.");
   module.def(
       "phantom",
-      [](const std::string& name, const nb::object& size, std::optional<double> spacing_mm,
-         std::optional<double> noise_hu, bool table, std::uint32_t seed, const nb::object& progress) {
+      [](const std::string& name, const ArrayArgument& size, std::optional<double> spacing_mm,
+         std::optional<double> noise_hu, bool table, std::uint32_t seed, const ProgressArgument& progress) {
         return made_phantom(name,
                             {.spacing_mm = spacing_mm, .noise_hu = noise_hu, .table = table, .seed = seed},
                             size, progress);

@@ -1,5 +1,6 @@
 #include "scene.hpp"
 
+#include "arguments.hpp"
 #include "values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
@@ -47,7 +48,7 @@ std::vector<InstrumentShape> shapes_of(nb::handle instruments) {
   return all;
 }
 
-void make_shape(InstrumentShape* shape, const nb::object& nodes_mm, double diameter_mm, bool is_wire) {
+void make_shape(InstrumentShape* shape, const ArrayArgument& nodes_mm, double diameter_mm, bool is_wire) {
   constexpr std::size_t kFewest = 4;
   std::vector<glm::dvec3> nodes = points_of(nodes_mm, "nodes_mm");
   if (nodes.size() < kFewest) throw InputError("nodes_mm: must be at least {} points", kFewest);

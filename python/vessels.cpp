@@ -1,5 +1,6 @@
 #include "vessels.hpp"
 
+#include "arguments.hpp"
 #include "job.hpp"
 #include "scan.hpp"
 #include "values.hpp"
@@ -162,12 +163,12 @@ void add_tree(nb::module_& module) {
       .def("__reduce__", [](nb::handle self) { return reduced("tree", self); })
       .def_static(
           "read",
-          [](nb::handle path) {
+          [](const PathArgument& path) {
             return HeldTree{std::make_shared<const VesselTree>(read_tree(path_of(path)))};
           },
           nb::arg("path"), "Reads .vtp or .json, or the tree.vtp of a folder that `xraycast segment` wrote.")
       .def(
-          "write", [](const HeldTree& t, nb::handle path) { write_tree(*t.tree, path_of(path)); },
+          "write", [](const HeldTree& t, const PathArgument& path) { write_tree(*t.tree, path_of(path)); },
           nb::arg("path"), "Writes .vtp (as VMTK) or .json.")
       .def_prop_ro(
           "root", [](const HeldTree& t) { return t.tree->root(); }, "The root's number.")
@@ -204,7 +205,7 @@ void add_mesh(nb::module_& module) {
           },
           kShared, "(triangles, 3) uint32: numbers of points; no copy, read-only.")
       .def(
-          "write", [](const HeldMesh& m, nb::handle path) { write_mesh(*m.mesh, path_of(path)); },
+          "write", [](const HeldMesh& m, const PathArgument& path) { write_mesh(*m.mesh, path_of(path)); },
           nb::arg("path"), "Writes .vtp or .stl.")
       .def("__repr__", [](const HeldMesh& m) {
         return fmt::format("<xraycast.Mesh: {} triangles>", m.mesh->triangles.size());
@@ -276,7 +277,8 @@ void add_vessels(nb::module_& module) {
           "the "
           "longest branches: (rows, columns, 3) uint8.")
       .def("write", write_files, nb::arg("folder"), nb::kw_only(), nb::arg("progress") = nb::none(),
-           nb::sig("def write(self, folder: str | os.PathLike[str], *, progress: object = None) -> None"),
+           nb::sig("def write(self, folder: str | os.PathLike[str], *, progress: xraycast._progress.Listener "
+                   "| None = None) -> None"),
            "Writes mask.nrrd, lumen.nrrd, tree.vtp, tree.json, surface.vtp, surface.stl and, for a DICOM "
            "series, "
            "mask.seg.dcm into a folder: all of them or none.")
@@ -294,7 +296,7 @@ void add_segmentation(nb::module_& module, nb::class_<HeldScan>& scan) {
       "from_mask: Vessels | numpy.typing.ArrayLike | str | os.PathLike[str] | None = None, "
       "root_mm: numpy.typing.ArrayLike | None = None, surface: str = 'isosurface', triangles: int = {}, "
       "explain: collections.abc.Callable[[str, numpy.ndarray], object] | None = None, "
-      "progress: object = None) -> Vessels",
+      "progress: xraycast._progress.Listener | None = None) -> Vessels",
       usual.markers.max_radius_mm, usual.triangles);
   scan.def("segment", segmented, nb::arg("seeds") = nb::tuple(), nb::kw_only(),
            nb::arg("not_vessels") = nb::tuple(), nb::arg("window_hu") = nb::none(),

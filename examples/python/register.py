@@ -11,15 +11,18 @@ and a small picture to fine ones. The derivatives are those of `project(..., gra
 """
 import sys
 import time
+from typing import Any
 
 import numpy as np
 import xraycast as xc
+from numpy.typing import NDArray
 
+Array = NDArray[Any]
 SIZE, CONE_MM = (640, 480), (1000, 1500)
 LEVELS = ((8, 16), (4, 8), (1, 4))  # voxels averaged along each axis, and pixels
 
 
-def averaged(array, factor):
+def averaged(array: Array, factor: int) -> Array:
     """Means over blocks of `factor` along every axis; what does not fill a block is left out."""
     for axis in range(array.ndim):
         count = array.shape[axis] // factor
@@ -28,7 +31,7 @@ def averaged(array, factor):
     return array
 
 
-def coarser(scan, factor):
+def coarser(scan: xc.Scan, factor: int) -> xc.Scan:
     """The scan in voxels of so many voxels along x and y, and of about their size along z."""
     if factor == 1:
         return scan
@@ -40,14 +43,15 @@ def coarser(scan, factor):
     return xc.Scan.from_array(hu, spacing * factors, origin)
 
 
-def averaged_volume(hu, along_z, factor):
+def averaged_volume(hu: Array, along_z: int, factor: int) -> Array:
     slices, rows, columns = (hu.shape[0] // along_z, hu.shape[1] // factor, hu.shape[2] // factor)
     hu = hu[:slices * along_z, :rows * factor, :columns * factor]
-    sums = np.add.reduce(hu.reshape(slices, along_z, rows, factor, columns, factor), axis=(1, 3, 5), dtype=np.float32)
-    return np.round(sums / (along_z * factor * factor)).astype(np.int16)
+    sums: Array = np.add.reduce(hu.reshape(slices, along_z, rows, factor, columns, factor), axis=(1, 3, 5), dtype=np.float32)
+    rounded: Array = np.round(sums / (along_z * factor * factor)).astype(np.int16)
+    return rounded
 
 
-def smaller(k, factor):
+def smaller(k: Array, factor: int) -> Array:
     """The camera of a picture whose pixels are means of `factor` x `factor`."""
     k = k.copy()
     k[:2, 2] = (k[:2, 2] - (factor - 1) / 2) / factor
@@ -56,22 +60,24 @@ def smaller(k, factor):
     return k
 
 
-def rotation(vector):
+def rotation(vector: Array) -> Array:
     """The rotation by a vector in rad, by Rodrigues' formula."""
     angle = np.linalg.norm(vector)
     x, y, z = vector / angle if angle > 0 else vector
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    turned: Array = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return turned
 
 
-def moved(rt, motion, centre):
+def moved(rt: Array, motion: Array, centre: Array) -> Array:
     """RT after source and detector moved by `motion`: mm along x, y and z, then a rotation vector about `centre`."""
     turn = rotation(motion[3:])
     back = np.column_stack([turn.T, turn.T @ (-centre - motion[:3]) + centre])  # of the points in the camera's eyes
-    return rt[:, :3] @ back + np.column_stack([np.zeros((3, 3)), rt[:, 3]])
+    after: Array = rt[:, :3] @ back + np.column_stack([np.zeros((3, 3)), rt[:, 3]])
+    return after
 
 
-def refine(scan, picture, k, rt, centre, iterations=30):
+def refine(scan: xc.Scan, picture: Array, k: Array, rt: Array, centre: Array, iterations: int = 30) -> Array:
     """Gauss-Newton steps while they help."""
     size = picture.shape[::-1]
     scale = np.repeat([1.0, 1 / 100], 3)  # a hundredth of a radian moves the body's border by as much as a millimetre
@@ -96,18 +102,18 @@ def refine(scan, picture, k, rt, centre, iterations=30):
     return rt
 
 
-def register(pyramid, picture, k, rt):
+def register(pyramid: list[xc.Scan], picture: Array, k: Array, rt: Array) -> Array:
     """The pose of a picture of optical depths, from one near to it; `pyramid` as `pyramid_of` makes it."""
     for (_, pixels), scan in zip(LEVELS, pyramid):
         rt = refine(scan, averaged(picture, pixels), smaller(k, pixels), rt, np.array(scan.centre_mm))
     return rt
 
 
-def pyramid_of(scan):
+def pyramid_of(scan: xc.Scan) -> list[xc.Scan]:
     return [coarser(scan, voxels) for voxels, _ in LEVELS]
 
 
-def corners_of(scan):
+def corners_of(scan: xc.Scan) -> Array:
     """Of the box around what is denser than -300 HU."""
     lower, upper = [], []
     for axis in (2, 1, 0):
@@ -118,13 +124,13 @@ def corners_of(scan):
     return np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
-def error_mm(rt, truth, corners):
+def error_mm(rt: Array, truth: Array, corners: Array) -> float:
     """The mean distance between the corners as either camera sees them."""
     seen = [corners @ m[:, :3].T + m[:, 3] for m in (rt, truth)]
-    return np.linalg.norm(seen[0] - seen[1], axis=1).mean()
+    return float(np.linalg.norm(seen[0] - seen[1], axis=1).mean())
 
 
-def start_near(truth, centre, random):
+def start_near(truth: Array, centre: Array, random: np.random.Generator) -> Array:
     """A pose within 20 mm and 10 deg of the truth."""
     direction, axis = random.normal(size=(2, 3))
     motion = np.concatenate([random.uniform(0, 20) * direction / np.linalg.norm(direction),
@@ -132,7 +138,7 @@ def start_near(truth, centre, random):
     return moved(truth, motion, centre)
 
 
-def main(path, starts="10"):
+def main(path: str, starts: str = "10") -> None:
     scan = xc.open(path)
     target = scan.project(20, 5, SIZE, CONE_MM)
     corners, pyramid, random = corners_of(scan), pyramid_of(scan), np.random.default_rng(1)

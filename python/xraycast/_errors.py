@@ -31,11 +31,12 @@ def in_one_line(message):
 
 
 def _short(text):
-    return re.sub(r"\b(xraycast\._core|collections\.abc|numpy\.typing)\.", "", text).replace("NoneType", "None")
+    return re.sub(r"\b(xraycast\._core|collections\.abc|numpy\.typing|xraycast\._progress)\.", "", text).replace("NoneType", "None")
 
 
 def _in_words(annotation):
-    return re.sub(r"^bool\b", "True or False", re.sub(r"^object\b", "a value", _short(annotation)))
+    words = re.sub(r"\bArrayLike\b", "numbers", re.sub(r"^object\b", "a value", _short(annotation)))
+    return re.sub(r"^bool\b", "True or False", words)
 
 
 def _complaint(arguments, positional, named):
@@ -61,10 +62,15 @@ def _complaint(arguments, positional, named):
         if name in takes and not _may_take(takes[name], kind):
             return f"{name} takes {takes[name]}, but was given {kind}"
     # Its value must decide: an integer that is too large, a list of something else.
-    suspects = {name: kind for name, kind in given.items() if name in takes and not takes[name].startswith("a value")}
+    suspects = {name: kind for name, kind in given.items() if name in takes and not _takes_all(takes[name])}
     suspects = {name: kind for name, kind in suspects.items() if kind not in ("str", "bool", "None")} or suspects
     return "; or ".join(f"{name} takes {takes[name]}, but not this {kind}" for name, kind in suspects.items()) or (
         f"self must be of its class, but is {given.get('self')}")
+
+
+def _takes_all(takes):
+    """Whether the function itself looks at what is given (python/arguments.hpp)."""
+    return bool(set(re.findall(r"\w+", takes)) & {"value", "object", "numbers", "Listener", "Any", "Fluoroscope", "Vessels", "Catheter"})
 
 
 def _may_take(takes, kind):
@@ -72,7 +78,7 @@ def _may_take(takes, kind):
     words = set(re.findall(r"\w+", takes))
     if kind == "None":
         return "None" in words
-    if words & {"value", "object", "ArrayLike"} or kind in words:
+    if _takes_all(takes) or kind in words:
         return True
     if kind == "bool" and "True" in words:
         return True

@@ -1,5 +1,19 @@
 """What `progress=` takes: a callable (fraction, stage), a tqdm bar, or the class tqdm itself."""
+from collections.abc import Callable
+from typing import Protocol
+
 from ._errors import InputError
+
+
+class Bar(Protocol):
+    """What is used of tqdm."""
+
+    def set_description(self, desc: str | None = None, refresh: bool | None = True) -> object: ...
+
+    def close(self) -> object: ...
+
+
+Listener = Callable[[float, str], object] | Bar | type[Bar]
 
 
 class _Call:

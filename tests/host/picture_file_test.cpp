@@ -41,7 +41,7 @@ TEST(PictureFile, EveryOfferedFormatReadsBack) {
       SCOPED_TRACE(extension);
       const std::vector<std::uint8_t> pixels = smooth_picture(channels);
       write_picture(pixels, kWidth, kHeight, channels, folder / ("p" + extension));
-      const RgbPicture read = read_fitted(folder / ("p" + extension), kWidth, kHeight);
+      const RgbPicture read = read_picture(folder / ("p" + extension));
       ASSERT_EQ(read.rgb.size(), std::size_t{3} * kWidth * kHeight);
       int worst = 0;
       for (std::size_t i = 0; i < read.rgb.size(); ++i)
@@ -68,32 +68,11 @@ TEST(PictureFile, OfAnotherNameIsRefusedWithThoseThatWork) {
   EXPECT_TRUE(is_picture_name("p.JPG"));
 }
 
-TEST(PictureFile, IsFittedIntoABox) {
-  const TemporaryFolder folder;
-  write_picture(smooth_picture(3), kWidth, kHeight, 3, folder / "p.png");
-  for (const auto& [width, height] : {std::pair{32, 100}, std::pair{100, 24}}) {
-    const RgbPicture read = read_fitted(folder / "p.png", width, height);
-    EXPECT_EQ(read.width, 32);
-    EXPECT_EQ(read.height, 24);
-  }
-}
-
-TEST(PictureFile, FittedKeepsItsMean) {
-  const TemporaryFolder folder;
-  std::vector<std::uint8_t> greys;  // a chequerboard
-  for (int i = 0; i < 80 * 40; ++i) greys.push_back((i + i / 80) % 2 == 0 ? 0 : 200);
-  write_picture(greys, 80, 40, 1, folder / "board.png");
-  const RgbPicture read = read_fitted(folder / "board.png", 20, 20);
-  EXPECT_EQ(read.rgb.size(), std::size_t{3} * 20 * 10);
-  // The mean, but for the filter's rounding and its few samples at the border.
-  EXPECT_THAT(read.rgb, testing::Each(testing::AllOf(testing::Ge(90), testing::Le(110))));
-}
-
 TEST(PictureFile, ThatCannotBeReadIsNamed) {
   const TemporaryFolder folder;
   write_whole_file(folder / "text.png", "no picture");
-  for (const char* name : {"none.png", "text.png"}) try {
-      read_fitted(folder / name, 10, 10);
+  for (const char* name : {"none.png", "text.png", "none.jpg"}) try {
+      read_picture(folder / name);
       FAIL() << "read";
     } catch (const Error& error) {
       EXPECT_THAT(error.what(), testing::StartsWith((folder / name).string() + ": could not be read: "));

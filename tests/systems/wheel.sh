@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # wheel.sh WHEEL, as root: installs a wheel of `./dev wheel` in a bare Debian that has only python3-venv and binutils, and
-# makes a scan, projections, maps, vessels and frames there; and what is said where a driver or the linker is missing.
+# makes a scan, projections, maps, vessels and frames there, by the Python package and by the program; and what is said where a
+# driver, the linker or what a wheel leaves out is missing.
 # Debian 12 for its Python 3.11, Debian 13 for a wheel of the stable interface. Takes the network and about 2 GB.
 set -euo pipefail
 wheel=$(realpath "$1")
@@ -24,7 +25,7 @@ within bash -c 'cd /root && python3 -m venv venv && venv/bin/pip install --quiet
 # Debian's Python brings expat, but not every Python does.
 packages=/root/venv/lib/python3*/site-packages
 within bash -c "test -s $packages/xraycast.libs/libexpat-*.so.1* && test -s $packages/xraycast.libs/libX11-*.so.6*"
-if within bash -c "grep -lE 'lib(expat|X11|Xext|Xrender)\\.so' $packages/xraycast/*.so $packages/xraycast.libs/*.so*"; then
+if within bash -c "grep -lE 'lib(expat|X11|Xext|Xrender)\\.so' $packages/xraycast/*.so $packages/xraycast/bin/xraycast $packages/xraycast.libs/*.so*"; then
   echo "the libraries above need one of the system's" >&2
   exit 1
 fi
@@ -39,12 +40,18 @@ try:
 except xc.Error as error:
     print(type(error).__name__ + ':', error)" 2>&1
 }
+program() { within bash -c "cd /root && PATH=/root/venv/bin:\$PATH && $*" 2>&1; }  # xraycast and xraycast-cohort
 expect() {  # what, pattern, text: the text is one line that matches
   echo "$1: $3"
   [[ $(wc -l <<<"$3") = 1 && $3 =~ $2 ]] || { echo "expected one line with: $2" >&2; exit 1; }
 }
 
 expect "version" '^[0-9.]+$' "$(try 'print(xc.__version__)')"
+expect "program" '^[0-9.]+$' "$(program 'xraycast --version')"
+expect "cohort" '^usage: xraycast-cohort' "$(program 'xraycast-cohort --help | head -1')"
+expect "program without OpenCL" 'no OpenCL device: install .*pocl-opencl-icd.* 4$' "$(program 'echo $(xraycast phantom box -o box.nrrd 2>&1; echo $?)')"
+expect "program without the window" '^xraycast: view: .*install Debian.s package xraycast 1$' "$(program 'echo $(xraycast view map.exr --vessels vessels --simulate 2>&1; echo $?)')"
+expect "program without the server" '^xraycast: serve: .*install Debian.s package xraycast 1$' "$(program 'echo $(xraycast serve map.exr --web 2>&1; echo $?)')"
 expect "without OpenCL" '^DeviceError: no OpenCL device: install .*pocl-opencl-icd' "$(try 'xc.phantom("box")')"
 install_within pocl-opencl-icd
 mv "$root/usr/bin/ld" "$root/usr/bin/ld.away"
@@ -55,4 +62,9 @@ expect "vessels" '^[1-9][0-9]* branches$' "$(try 'print(len(xc.phantom("thorax",
 expect "without EGL" '^Error: .*libegl1' "$(try 'xc.phantom("thorax", spacing_mm=8).cast(layers=4).render()')"
 install_within libegl1 libgl1-mesa-dri libopengl0
 expect "frame" '^\([0-9]+, [0-9]+\)$' "$(try 'print(xc.phantom("thorax", spacing_mm=8).cast(layers=4).render().shape)')"
+expect "a format that takes OpenImageIO" 'x.jpg: .*name a .png .*install Debian.s package xraycast' "$(try 'xc.phantom("box", size=(16, 16, 16)).project().write("x.jpg")')"
+within apt-get install -y -qq --no-install-recommends fonts-dejavu-core >/dev/null 2>&1
+expect "the same by the program" 'x.jpg: .*name a .png .*install Debian.s package xraycast' \
+  "$(program 'xraycast phantom box --size 16x16x16 -o box.nrrd -q && xraycast project box.nrrd -o x.jpg')"
+program 'time xraycast demo -o demo -q && ls -l demo/contact-sheet.png demo/run-dsa.gif demo/run.html'
 echo "$(basename "$wheel") serves a bare Debian"

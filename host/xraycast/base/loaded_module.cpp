@@ -6,12 +6,12 @@
 
 namespace xraycast {
 
-void* module_function(const std::string& module, const char* name, const MemoryNeed& need) {
+void* module_function(const std::string& module, const char* name, const MemoryNeed& need,
+                      const char* remedy) {
   require_memory("loading " + module, need);
   void* const loaded = dlopen(module.c_str(), RTLD_NOW | RTLD_LOCAL);
   void* const function = loaded ? dlsym(loaded, name) : nullptr;
-  if (!function)
-    throw Error("{} cannot be loaded; is it installed beside the program? {}", module, dlerror());
+  if (!function) throw Error("{} cannot be loaded; {} ({})", module, remedy, dlerror());
   return function;
 }
 

@@ -56,19 +56,18 @@ class OpenImageIo final : public PictureFormats {
     return file_of(values.data(), spec, ".tif");
   }
 
-  RgbPicture read_fitted(const std::string& path, int width, int height) const override {
+  RgbPicture read(const std::string& path) const override {
     const auto file = OIIO::ImageInput::open(path);  // ImageBuf would keep an older file of that name
     if (!file) throw std::runtime_error(OIIO::geterror());
     const OIIO::ImageSpec& spec = file->spec();
     OIIO::ImageBuf picture(OIIO::ImageSpec(spec.width, spec.height, spec.nchannels, OIIO::TypeUInt8));
     check(file->read_image(0, 0, 0, -1, OIIO::TypeUInt8, picture.localpixels()), *file);
     if (picture.nchannels() == 1) picture = with_three_channels(picture);
-    picture = OIIO::ImageBufAlgo::fit(picture, "", 0, false, OIIO::ROI(0, width, 0, height, 0, 1, 0, 3));
     OIIO::ROI roi = picture.roi();
     roi.chend = 3;  // without opacity
-    RgbPicture fitted{roi.width(), roi.height(), std::vector<std::uint8_t>(3 * roi.npixels())};
-    check(picture.get_pixels(roi, OIIO::TypeUInt8, fitted.rgb.data()), picture);
-    return fitted;
+    RgbPicture read{roi.width(), roi.height(), std::vector<std::uint8_t>(3 * roi.npixels())};
+    check(picture.get_pixels(roi, OIIO::TypeUInt8, read.rgb.data()), picture);
+    return read;
   }
 };
 

@@ -5,6 +5,7 @@
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/loaded_module.hpp"
 #include "xraycast/base/picture_formats.hpp"
+#include "xraycast/base/small_pictures.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <algorithm>
@@ -21,11 +22,14 @@ constexpr std::array kPictureExtensions{".png", ".jpg",  ".jpeg", ".tif", ".tiff
 /// Twice of what was measured: where there is less, the rest of a run needs it more.
 constexpr MemoryNeed kOpenImageIo{1000 << 20, 250 << 20};
 
+constexpr const char* kWithout =
+    "Python wheels leave OpenImageIO out: name a .png or .exr, or install Debian's package xraycast";
+
 /// Throws Error when the module cannot be loaded.
 const PictureFormats& formats() {
   using Get = const PictureFormats* (*)();
-  static const PictureFormats& loaded =
-      *reinterpret_cast<Get>(module_function(XRAYCAST_PICTURES_MODULE, "xraycast_pictures", kOpenImageIo))();
+  static const PictureFormats& loaded = *reinterpret_cast<Get>(
+      module_function(XRAYCAST_PICTURES_MODULE, "xraycast_pictures", kOpenImageIo, kWithout))();
   return loaded;
 }
 
@@ -62,7 +66,7 @@ void write_tiff(std::span<const float> values, int width, int height, const std:
 bool is_picture_name(const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
   if (std::ranges::find(kPictureExtensions, extension) == kPictureExtensions.end()) return false;
-  if (extension != ".png") naming(path, "takes OpenImageIO, unlike .png and .exr", formats);
+  if (extension != ".png") naming(path, kUnwritten, formats);
   return true;
 }
 
@@ -74,9 +78,10 @@ void check_picture_name(const std::filesystem::path& path, const std::string& na
   check_writable(path);
 }
 
-RgbPicture read_fitted(const std::filesystem::path& path, int width, int height) {
-  return naming(path, "could not be read",
-                [&] { return formats().read_fitted(path.string(), width, height); });
+RgbPicture read_picture(const std::filesystem::path& path) {
+  return naming(path, "could not be read", [&] {
+    return extension_of(path) == ".png" ? read_png_file(path) : formats().read(path.string());
+  });
 }
 
 }  // namespace xraycast

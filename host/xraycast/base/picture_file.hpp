@@ -8,7 +8,8 @@
 
 namespace xraycast {
 
-// OpenImageIO writes and reads pictures. It is a module, which is loaded with the first one that is no PNG.
+// OpenImageIO writes and reads pictures. It is a module, which is loaded with the first one that is no PNG,
+// and which Python wheels leave out.
 
 /// Writes 8-bit values with `channels` 1 (grey) or 3 (RGB) interleaved, row 0 on top, in the format that the
 /// extension of `path` names, of which check_picture_name approves, through an AtomicFile. Throws InputError
@@ -25,7 +26,7 @@ void write_tiff(std::span<const float> values, int width, int height, const std:
                 const std::filesystem::path& path);
 
 /// Whether write_picture knows the extension of `path`. Throws Error when that takes OpenImageIO, and it
-/// cannot be loaded.
+/// cannot be loaded or was left out.
 bool is_picture_name(const std::filesystem::path& path);
 
 /// The extensions that it knows, in words.
@@ -46,8 +47,8 @@ inline void write_picture(const RgbPicture& picture, const std::filesystem::path
   write_picture(picture.rgb, picture.width, picture.height, 3, path);
 }
 
-/// A picture file of any format, scaled to fit into width x height. Throws Error when it cannot be read or
-/// when there is no OpenImageIO.
-RgbPicture read_fitted(const std::filesystem::path& path, int width, int height);
+/// A picture file of any format, without its opacity. Throws Error when it cannot be read or does not fit
+/// into memory, or, but for a .png, when there is no OpenImageIO.
+RgbPicture read_picture(const std::filesystem::path& path);
 
 }  // namespace xraycast

@@ -14,7 +14,7 @@ class PictureFormats {
                                const std::string& extension) const = 0;
   virtual std::string tiff_of(std::span<const float> values, int width, int height,
                               const std::string& description) const = 0;
-  virtual RgbPicture read_fitted(const std::string& path, int width, int height) const = 0;
+  virtual RgbPicture read(const std::string& path) const = 0;
 };
 
 }  // namespace xraycast

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/memory_limit.hpp"
 #include "xraycast/base/printable.hpp"
 #include "xraycast/base/whole_file.hpp"
 
@@ -70,6 +71,22 @@ std::string png_bytes(std::span<const std::uint8_t> pixels, int width, int heigh
     throw Error("a PNG of {} x {} pixels could not be made: {}", width, height, image.message);
   bytes.resize(size_B);
   return bytes;
+}
+
+RgbPicture read_png_file(const std::filesystem::path& path) {
+  png_image image{};
+  image.version = PNG_IMAGE_VERSION;
+  if (!png_image_begin_read_from_file(&image, path.c_str())) throw Error("{}", image.message);
+  const std::unique_ptr<png_image, decltype(&png_image_free)> freed(&image, png_image_free);
+  const std::int64_t size_B = std::int64_t{3} * image.width * image.height;
+  require_memory("reading a PNG", {size_B, size_B});
+  image.format = PNG_FORMAT_RGB;
+  RgbPicture picture{static_cast<int>(image.width), static_cast<int>(image.height),
+                     std::vector<std::uint8_t>(size_B)};
+  constexpr png_color kBlack{};
+  if (!png_image_finish_read(&image, &kBlack, picture.rgb.data(), 0, nullptr))
+    throw Error("{}", image.message);
+  return picture;
 }
 
 void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path) {

@@ -11,9 +11,13 @@
 
 namespace xraycast {
 
-// What is written and read without OpenImageIO: PNG, and OpenEXR for maps and optical depths. Loading
-// OpenImageIO takes four times as long as drawing a frame of a map, and it needs 260 libraries of Debian,
-// some under the GPL, which a Python wheel cannot carry.
+// What is written and read without OpenImageIO: PNG (see picture_file.hpp), and OpenEXR for maps and optical
+// depths. Loading OpenImageIO takes four times as long as drawing a frame of a map, and it needs 260
+// libraries of Debian, some under the GPL, which a Python wheel cannot carry.
+
+/// A PNG's pixels, on black where they are transparent. Throws Error without the file's name when it cannot
+/// be read or does not fit into memory.
+RgbPicture read_png_file(const std::filesystem::path& path);
 
 /// One picture of an OpenEXR file.
 struct ExrPart {

@@ -2,6 +2,9 @@
 
 #include "xraycast/scene/canvas.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace xraycast {
 namespace {
 
@@ -16,10 +19,12 @@ RgbPicture contact_sheet(const std::vector<CaptionedPicture>& pictures, int colu
   for (int i = 0; i < count; ++i) {
     const int column = i % columns, row = i / columns;
     const int x = kMargin + column * pitch_x, y = kMargin + row * pitch_y;
-    const RgbPicture fitted = read_fitted(pictures[i].file, kCellWidth, kCellHeight);
-    const int left = x + (kCellWidth - fitted.width) / 2, top = y + (kCellHeight - fitted.height) / 2;
-    sheet.picture(fitted.rgb, fitted.width, fitted.height,
-                  {double(left), double(top), double(fitted.width), double(fitted.height)});
+    const RgbPicture picture = read_picture(pictures[i].file);
+    const double scale = std::min(double(kCellWidth) / picture.width, double(kCellHeight) / picture.height);
+    const double width = std::round(scale * picture.width), height = std::round(scale * picture.height);
+    sheet.picture(picture.rgb, picture.width, picture.height,
+                  {x + std::floor((kCellWidth - width) / 2), y + std::floor((kCellHeight - height) / 2),
+                   width, height});
     sheet.text({double(x), double(y + kCellHeight + kFont + 2)}, pictures[i].caption, kFont, {0.9, 0.9, 0.9});
   }
   return {sheet.width(), sheet.height(), sheet.rgb()};
