@@ -1,6 +1,7 @@
 #include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "job.hpp"
+#include "motion.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
 #include "scene.hpp"
@@ -127,16 +128,20 @@ void add_projection(nb::class_<HeldScan>& scan) {
       [](HeldScan& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
          nb::object pixel_mm, nb::object centre_mm, nb::object k, nb::object rt,
          const OpacityArgument& opacity, bool gradient, nb::object vessels, nb::object devices,
-         double contrast_mg_ml, const nb::object& fluoroscope, const nb::object& progress) {
-        return project_scan(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
-                            gradient, {vessels, devices, contrast_mg_ml}, fluoroscope, progress);
+         double contrast_mg_ml, const nb::object& fluoroscope, const nb::object& motion,
+         const nb::object& phase, const nb::object& time, const nb::object& progress) {
+        return with_motion(self, motion_request_of(motion, phase, time), progress, [&](HeldScan& scan) {
+          return project_scan(scan, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
+                              gradient, {vessels, devices, contrast_mg_ml}, fluoroscope, progress);
+        });
       },
       nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
       nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
       nb::arg("centre_mm") = nb::none(), nb::arg("K") = nb::none(), nb::arg("RT") = nb::none(),
       nb::arg("opacity") = "paper", nb::arg("gradient") = false, nb::arg("vessels") = nb::none(),
       nb::arg("devices") = nb::none(), nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
-      nb::arg("fluoroscope") = nb::none(), nb::arg("progress") = nb::none(),
+      nb::arg("fluoroscope") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
+      nb::arg("time") = nb::none(), nb::arg("progress") = nb::none(),
       "The DRR of the scan: a Frame of optical depths, or Frames where angles or matrices are lists.\n\n"
       "lao, cranial: the C-arm's angles in degrees, LAO and cranial positive.\n"
       "size: (width, height) in pixels; else the whole body fits.\n"
@@ -150,7 +155,10 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "gradient: also finds how tau changes with the pose; see Frame.gradient.\n"
       "vessels, devices, contrast_mg_ml: drawn into the picture, as in BodyMap.render.\n"
       "fluoroscope: a Fluoroscope, whose pulses the frames then are: Frame.shown, codes, signal_kev and "
-      "exposure.");
+      "exposure.\n"
+      "motion, phase, time: the scan is taken at an instant of its motion, as in Scan.moved; for many "
+      "pictures "
+      "of one instant, project what that gives.");
 }
 
 }  // namespace xraycast::python

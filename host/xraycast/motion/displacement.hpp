@@ -1,11 +1,15 @@
 #pragma once
 
+#include "xraycast/image_file/vector_image.hpp"
+
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
 
+#include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
-#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -20,29 +24,33 @@ class Displacement {
   /// d(x). Finite for any finite x.
   virtual glm::dvec3 at(const glm::dvec3& x_mm) const = 0;
 
+  /// Adds weight * d(x) of many places, one for one.
+  virtual void add(std::span<const glm::dvec3> x_mm, double weight, std::span<glm::dvec3> sum_mm) const;
+
   /// Whether x lies where the displacement is known. Elsewhere `at` gives the nearest known one (fields) or
   /// none (ITK's transforms, as in ITK).
   virtual bool covers(const glm::dvec3& x_mm) const = 0;
 
-  /// Where its determinant of the Jacobian of x + d(x) is not above zero, one readable line; empty elsewhere.
-  virtual std::string folds() const { return ""; }
+  /// Where x -> x + d(x) folds, because the determinant of its Jacobian is not above zero.
+  struct Folds {
+    std::int64_t nodes = 0, of = 0;  ///< of the grid, or of its parts together
+    double least_determinant = 1;
+    glm::dvec3 first_mm{0};  ///< of the folded nodes
+
+    /// Those of a further part, whose `of` is not counted.
+    void include(const Folds& part) {
+      if (nodes == 0) first_mm = part.first_mm;
+      nodes += part.nodes;
+      least_determinant = std::min(least_determinant, part.least_determinant);
+    }
+  };
+  virtual Folds folds() const { return {}; }
 };
 
-/// The grid of a field of displacements, which may be rotated, mirrored or sheared against the patient's
-/// axes.
-struct FieldGrid {
-  glm::i64vec3 size{0, 0, 0};
-  glm::dvec3 origin_mm{0, 0, 0};  ///< of node (0, 0, 0), LPS
-  glm::dmat3 step_mm{1};          ///< in its columns, from a node to the next along each axis
-
-  glm::dvec3 to_world_mm(const glm::dvec3& node) const { return origin_mm + step_mm * node; }
-  std::int64_t nodes() const { return size.x * size.y * size.z; }
-};
-
-/// Displacements at the nodes of a grid, x fastest, trilinear between them; beyond the grid, those of its
-/// border. Throws InputError, with `name` in front, for vectors that are not finite or not one per node.
-std::shared_ptr<const Displacement> field_of(const FieldGrid& grid, std::vector<glm::vec3> d_mm,
-                                             const std::string& name);
+/// Displacements at the nodes of a grid, trilinear between them; beyond the grid, those of its border. Folds
+/// are looked for at the nodes, by the differences to the next ones. Throws InputError, with `name` in front,
+/// for vectors that are not finite, that are longer than a metre, or not one per node.
+std::shared_ptr<const Displacement> field_of(VectorImage image, const std::string& name);
 
 /// x + d(x) = matrix * x + offset_mm.
 std::shared_ptr<const Displacement> affine_displacement(const glm::dmat3& matrix,
@@ -50,5 +58,8 @@ std::shared_ptr<const Displacement> affine_displacement(const glm::dmat3& matrix
 
 /// One after the other: the place goes through the first of them first.
 std::shared_ptr<const Displacement> composed(std::vector<std::shared_ptr<const Displacement>> parts);
+
+/// Reads a field of vectors or an ITK transform, by its content: see read_motion.
+std::shared_ptr<const Displacement> read_displacement(const std::filesystem::path& path);
 
 }  // namespace xraycast
