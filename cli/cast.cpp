@@ -1,6 +1,7 @@
 #include "attenuation.hpp"
 #include "map_output.hpp"
 #include "options/command.hpp"
+#include "options/motion_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
@@ -32,6 +33,7 @@ struct CastArguments {
   std::string projection = "cylinder", centre = "auto", radius = "auto", outline, memory_limit,
               without_vessels;
   AttenuationOptions attenuation;
+  MotionOptions motion;
   std::optional<std::string> radii;
 };
 
@@ -80,6 +82,7 @@ CastRequest request_of(const CastArguments& options) {
   request.opacity = attenuation_named(options.attenuation.opacity);
   request.iodine = options.attenuation.iodine;
   request.without_vessels = options.without_vessels;
+  request.motion = parse_motion(options.motion);
   if (!options.memory_limit.empty()) request.memory_limit_B = parse_memory_limit(options.memory_limit);
   if (!options.basis.empty())
     request.knots_hu =
@@ -158,14 +161,15 @@ void cast_map(const CastArguments& options, Invocation& invocation) {
 
 void add_cast(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<CastArguments>();
-  CLI::App* command =
-      add_command(app, invocation, "cast", "Cast a scan into a body map",
-                  "  xraycast cast scans/chest/ -o chest.exr --preview chest.png\n"
-                  "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --opacity bilinear\n"
-                  "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --keep-basis chest.basis\n"
-                  "  xraycast cast cta.nrrd -o cta.exr --opacity spectrum:80 --iodine vessels.nrrd\n"
-                  "  xraycast cast head.nrrd -o head.exr --centre -3.5,12 --radius 110 --radii 0,40,80,110",
-                  [options, &invocation] { cast_map(*options, invocation); });
+  CLI::App* command = add_command(
+      app, invocation, "cast", "Cast a scan into a body map",
+      "  xraycast cast scans/chest/ -o chest.exr --preview chest.png\n"
+      "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --opacity bilinear\n"
+      "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --keep-basis chest.basis\n"
+      "  xraycast cast cta.nrrd -o cta.exr --opacity spectrum:80 --iodine vessels.nrrd\n"
+      "  xraycast cast head.nrrd -o head.exr --centre -3.5,12 --radius 110 --radii 0,40,80,110\n"
+      "  xraycast cast chest.nii.gz -o inhaled.exr --layers 16 --motion motion.json --phase breath=1",
+      [options, &invocation] { cast_map(*options, invocation); });
   add_scan_argument(*command, options->input);
   add_map_output_options(*command, options->output);
   command
@@ -219,6 +223,7 @@ void add_cast(CLI::App& app, Invocation& invocation) {
                    "Remove the contrast agent from the vessels that `xraycast segment` wrote to DIR, so that "
                    "they can be drawn as a surface instead")
       ->type_name("DIR");
+  add_motion_options(*command, options->motion);
   add_attenuation_options(*command, options->attenuation);
   command
       ->add_option("--memory-limit", options->memory_limit,

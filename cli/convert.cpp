@@ -1,6 +1,7 @@
 #include "xraycast/scan/convert.hpp"
 
 #include "options/command.hpp"
+#include "options/motion_options.hpp"
 #include "options/view_options.hpp"
 
 #include <fmt/format.h>
@@ -13,12 +14,13 @@ namespace {
 struct ConvertArguments {
   std::string input, output, patient;
   ScanOptions scan;
+  MotionOptions motion;
 };
 
 void convert_scan(const ConvertArguments& options, Invocation& invocation) {
-  const Converted made =
-      convert({options.input, options.output, options.scan, parse_patient(options.patient, "--patient")},
-              invocation.progress);
+  const Converted made = convert({options.input, options.output, options.scan,
+                                  parse_patient(options.patient, "--patient"), parse_motion(options.motion)},
+                                 invocation.progress);
   invocation.say_about(made.info);
   invocation.say(made.voxel_warnings);
   Json json{{"input", options.input}, {"output", options.output}, {"volume", cli::to_json(made.geometry)}};
@@ -37,7 +39,8 @@ void add_convert(CLI::App& app, Invocation& invocation) {
   CLI::App* command =
       add_command(app, invocation, "convert", "Write a scan as a DICOM series, NIfTI, NRRD or MetaImage",
                   "  xraycast convert scans/chest/ -o chest.nii.gz\n"
-                  "  xraycast convert thorax.nrrd -o thorax-dicom/ --patient Phantom,1",
+                  "  xraycast convert thorax.nrrd -o thorax-dicom/ --patient Phantom,1\n"
+                  "  xraycast convert chest.nii.gz -o inhaled.nii.gz --motion motion.json --phase breath=1",
                   [options, &invocation] { convert_scan(*options, invocation); });
   add_scan_argument(*command, options->input);
   command
@@ -46,6 +49,7 @@ void add_convert(CLI::App& app, Invocation& invocation) {
       ->required()
       ->type_name("FOLDER|FILE");
   add_patient_option(*command, options->patient);
+  add_motion_options(*command, options->motion);
   add_scan_options(*command, options->scan);
 }
 

@@ -1,6 +1,7 @@
 #include "attenuation.hpp"
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/motion_options.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/acquisition/scan_acquisition.hpp"
@@ -19,6 +20,7 @@ namespace {
 struct ProjectArguments {
   std::string input, output;
   ScanOptions scan;
+  MotionOptions motion;
   AttenuationOptions attenuation;
   ViewOptions view;
   GreyOptions grey;
@@ -41,15 +43,17 @@ void project_scan(const ProjectArguments& options, Invocation& invocation) {
   check_writable(options.output);
   View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
   check_dicom(view, xa, options.output, invocation);
-  const Scan scan = open_scan(options.input, options.scan, invocation.progress);
+  const MotionOfRequest motion = held_motion(parse_motion(options.motion));
+  const Scan scan =
+      moved(open_scan(options.input, options.scan, invocation.progress), motion, invocation.progress);
   invocation.say_about(scan.info);
 
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, frame_of_reference_uid(scan.info));
   ComputeDevice device(invocation.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings load_timings;
-  const SpectralScan resident =
-      load(device, *scan.source, options.attenuation.iodine, finder, load_timings, invocation.progress);
+  const SpectralScan resident = load(device, *scan.source, options.attenuation.iodine, finder, load_timings,
+                                     invocation.progress, motion.held);
   invocation.say_about(*scan.source);
   invocation.say(opacity_hints(attenuation, scan.source->hu_range()));
   const VolumeGeometry& volume = resident.native.geometry();
@@ -81,14 +85,17 @@ void project_scan(const ProjectArguments& options, Invocation& invocation) {
                 {"upload", load_timings.upload_ms},
                 {"kernel", frames.kernel_ms()},
                 {"total", total_ms}}}};
+  if (!motion.phases.empty()) result["motion"] = to_json(motion);
   if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
   if (exposure) result["fluoroscope"] = to_json(*exposure);
   invocation.report(
       result,
-      fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
+      fmt::format("{}: {}{}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
                   "{:.0f} ms, total {:.0f} ms\n{}",
-                  options.output, label(view), view.width, view.height, view.pixel_mm, load_timings.read_ms,
-                  load_timings.upload_ms, frames.kernel_ms(), total_ms, exposure ? summary(*exposure) : ""));
+                  options.output, label(view),
+                  motion.phases.empty() ? "" : fmt::format(", {}", phases_in_words(motion)), view.width,
+                  view.height, view.pixel_mm, load_timings.read_ms, load_timings.upload_ms,
+                  frames.kernel_ms(), total_ms, exposure ? summary(*exposure) : ""));
 }
 
 }  // namespace
@@ -100,6 +107,7 @@ void add_project(CLI::App& app, Invocation& invocation) {
       "  xraycast project scans/chest/ -o ap.png --angle 0 --inverted\n"
       "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480\n"
       "  xraycast project scans/chest/ -o lao30.dcm --angle 30 --cone 780,1200 --patient Phantom,1\n"
+      "  xraycast project scans/chest/ -o inhaled.png --motion motion.json --phase breath=1\n"
       "  xraycast project scans/chest/ -o fluoro.png --c-arm fixed-single-plane --field 220 --dose low",
       [options, &invocation] { project_scan(*options, invocation); });
   add_scan_argument(*command, options->input);
@@ -110,6 +118,7 @@ void add_project(CLI::App& app, Invocation& invocation) {
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
+  add_motion_options(*command, options->motion);
   add_grey_options(*command, options->grey);
   add_dicom_options(*command, options->dicom);
   add_attenuation_options(*command, options->attenuation);

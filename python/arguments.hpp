@@ -38,6 +38,12 @@ class ModelsArgument : public nb::object {  ///< see make_instruments
 class EntryArgument : public nb::object {  ///< see run_of
   NB_OBJECT(EntryArgument, nb::object, "int | numpy.typing.ArrayLike", always)
 };
+class PhaseArgument : public nb::object {  ///< see motion_request_of
+  NB_OBJECT(PhaseArgument, nb::object, "dict[str, float]", always)
+};
+class TimeArgument : public nb::object {  ///< see motion_request_of
+  NB_OBJECT(TimeArgument, nb::object, "float", always)
+};
 class NamesArgument : public nb::object {  ///< see stages_of
   NB_OBJECT(NamesArgument, nb::object, "str | collections.abc.Sequence[str]", always)
 };

@@ -5,6 +5,7 @@
 #include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "job.hpp"
+#include "motion.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
 #include "scene.hpp"
@@ -234,7 +235,7 @@ void add_body(nb::module_& module) {
           [](const HeldBody& self, const ArrayArgument& lao, const ArrayArgument& cranial,
              const ArrayArgument& size, const ArrayArgument& cone_mm, const ArrayArgument& pixel_mm,
              const ArrayArgument& centre_mm, const VesselsArgument& vessels,
-             const DevicesArgument& instruments, double contrast_mg_ml, const std::string& look,
+             const InstrumentsArgument& instruments, double contrast_mg_ml, const std::string& look,
              const std::string& compositing, const FluoroscopeArgument& fluoroscope,
              const ProgressArgument& progress) {
             return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
@@ -306,7 +307,8 @@ void def_cast(nb::class_<HeldScan>& scan, const char* name, Make make, const std
              std::optional<double> radius_mm, const std::optional<Centre>& centre_mm,
              const std::optional<Path>& centre_line, bool keep_table, const std::optional<Path>& iodine,
              const std::optional<Path>& without_vessels, std::optional<std::int64_t> memory_limit_B,
-             const std::optional<std::vector<double>>& knots_hu, const ProgressArgument& progress) {
+             const std::optional<std::vector<double>>& knots_hu, const PathArgument& motion,
+             const PhaseArgument& phase, const TimeArgument& time, const ProgressArgument& progress) {
         CastRequest request{.projection = parse_ray_layout(projection),
                             .layers = layers,
                             .angles = angles,
@@ -317,6 +319,7 @@ void def_cast(nb::class_<HeldScan>& scan, const char* name, Make make, const std
                             .opacity = attenuation_of(opacity),
                             .iodine = iodine.value_or(""),
                             .without_vessels = without_vessels.value_or(""),
+                            .motion = motion_request_of(motion, phase, time),
                             .memory_limit_B = memory_limit_B,
                             .knots_hu = knots_hu};
         if (outline) request.outline = parse_shell_outline(*outline);
@@ -349,14 +352,16 @@ vessels, in which voxels brighter than blood count as iodine.
 without_vessels: the folder of `xraycast segment`; the contrast agent is removed from its vessels.
 memory_limit_B: larger scans are cast slab by slab; default: the device's largest buffer.
 knots_hu: CT numbers at which the slope of other opacities may change, at most 64, for a basis; [] are the knots of
-`opacity` and a standard set.)";
+`opacity` and a standard set.
+motion, phase, time: the scan is cast at an instant of its motion, as in Scan.moved.)";
   scan.def(name, call, nb::arg("layers") = nb::none(), nb::arg("angles") = nb::none(), nb::kw_only(),
            nb::arg("opacity") = "paper", nb::arg("outline") = nb::none(), nb::arg("projection") = "cylinder",
            nb::arg("views") = nb::none(), nb::arg("radii") = nb::none(), nb::arg("radius_mm") = nb::none(),
            nb::arg("centre_mm") = nb::none(), nb::arg("centre_line") = nb::none(),
            nb::arg("keep_table") = false, nb::arg("iodine") = nb::none(),
            nb::arg("without_vessels") = nb::none(), nb::arg("memory_limit_B") = nb::none(),
-           nb::arg("knots_hu") = nb::none(), nb::arg("progress") = nb::none(), doc.c_str());
+           nb::arg("knots_hu") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
+           nb::arg("time") = nb::none(), nb::arg("progress") = nb::none(), doc.c_str());
 }
 
 }  // namespace

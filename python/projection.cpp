@@ -2,6 +2,7 @@
 #include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "job.hpp"
+#include "motion.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
 #include "scene.hpp"
@@ -128,17 +129,21 @@ void add_projection(nb::class_<HeldScan>& scan) {
       [](HeldScan& self, const ArrayArgument& lao, const ArrayArgument& cranial, const ArrayArgument& size,
          const ArrayArgument& cone_mm, const ArrayArgument& pixel_mm, const ArrayArgument& centre_mm,
          const ArrayArgument& k, const ArrayArgument& rt, const OpacityArgument& opacity, bool gradient,
-         const VesselsArgument& vessels, const DevicesArgument& instruments, double contrast_mg_ml,
-         const FluoroscopeArgument& fluoroscope, const ProgressArgument& progress) {
-        return project_scan(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
-                            gradient, {vessels, instruments, contrast_mg_ml}, fluoroscope, progress);
+         const VesselsArgument& vessels, const InstrumentsArgument& instruments, double contrast_mg_ml,
+         const FluoroscopeArgument& fluoroscope, const PathArgument& motion, const PhaseArgument& phase,
+         const TimeArgument& time, const ProgressArgument& progress) {
+        return with_motion(self, motion_request_of(motion, phase, time), progress, [&](HeldScan& scan) {
+          return project_scan(scan, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
+                              gradient, {vessels, instruments, contrast_mg_ml}, fluoroscope, progress);
+        });
       },
       nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
       nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
       nb::arg("centre_mm") = nb::none(), nb::arg("K") = nb::none(), nb::arg("RT") = nb::none(),
       nb::arg("opacity") = "paper", nb::arg("gradient") = false, nb::arg("vessels") = nb::none(),
       nb::arg("instruments") = nb::none(), nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
-      nb::arg("fluoroscope") = nb::none(), nb::arg("progress") = nb::none(),
+      nb::arg("fluoroscope") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
+      nb::arg("time") = nb::none(), nb::arg("progress") = nb::none(),
       "The DRR of the scan: a Frame of optical depths, or Frames where angles or matrices are lists.\n\n"
       "lao, cranial: the C-arm's angles in degrees, LAO and cranial positive.\n"
       "size: (width, height) in pixels; else the whole body fits.\n"
@@ -152,7 +157,10 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "gradient: also finds how tau changes with the pose; see Frame.gradient.\n"
       "vessels, instruments, contrast_mg_ml: drawn into the picture, as in BodyMap.render.\n"
       "fluoroscope: a Fluoroscope, whose pulses the frames then are: Frame.shown, codes, signal_kev and "
-      "exposure.");
+      "exposure.\n"
+      "motion, phase, time: the scan is taken at an instant of its motion, as in Scan.moved; for many "
+      "pictures "
+      "of one instant, project what that gives.");
 }
 
 }  // namespace xraycast::python

@@ -2,6 +2,7 @@
 
 #include "arguments.hpp"
 #include "job.hpp"
+#include "motion.hpp"
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/field_names.hpp"
@@ -280,6 +281,7 @@ void add_scan(nb::module_& module) {
       .def("__repr__", scan_description);
   add_projection(scan);
   add_casting(module, scan);
+  add_motion(module, scan);
   add_segmentation(module, scan);
 
   module.def(
@@ -296,27 +298,34 @@ void add_scan(nb::module_& module) {
       "progress: a callable (fraction, stage), or tqdm.");
   module.def(
       "convert",
-      [](nb::handle input, nb::handle output, const std::string& patient, const std::string& series,
-         bool keep_slices, bool skip_damaged, double offset_hu, const nb::object& progress) {
+      [](nb::handle input, nb::handle output, const std::string& patient, const nb::object& motion,
+         const nb::object& phase, const nb::object& time, const std::string& series, bool keep_slices,
+         bool skip_damaged, double offset_hu, const nb::object& progress) {
         const ConvertRequest request{path_of(input),
                                      path_of(output),
                                      {series, keep_slices, skip_damaged, offset_hu},
-                                     parse_patient(patient, "patient")};
+                                     parse_patient(patient, "patient"),
+                                     motion_request_of(motion, phase, time)};
         const Converted converted =
             result_of(progress, [&](Progress& reported) { return convert(request, reported); });
         warn(converted.info.warnings);
         warn(converted.voxel_warnings);
       },
-      nb::arg("input"), nb::arg("output"), nb::kw_only(), nb::arg("patient") = "", nb::arg("series") = "",
-      nb::arg("keep_slices") = false, nb::arg("skip_damaged") = false, nb::arg("offset_hu") = 0.0,
-      nb::arg("progress") = nb::none(),
+      nb::arg("input"), nb::arg("output"), nb::kw_only(), nb::arg("patient") = "",
+      nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(), nb::arg("time") = nb::none(),
+      nb::arg("series") = "", nb::arg("keep_slices") = false, nb::arg("skip_damaged") = false,
+      nb::arg("offset_hu") = 0.0, nb::arg("progress") = nb::none(),
       nb::sig(
           "def convert(input: str | os.PathLike[str], output: str | os.PathLike[str], *, patient: str = '', "
+          "motion: str | os.PathLike[str] | None = None, "
+          "phase: dict[str, float] | None = None, time: float | None = None, "
           "series: str = '', keep_slices: bool = False, skip_damaged: bool = False, offset_hu: float = 0.0, "
           "progress: xraycast._progress.Listener | None = None) -> None"),
       "Writes a scan in another format, as `xraycast convert` does.\n\n"
       "output: a new folder for a DICOM CT series, or a file .nii, .nii.gz, .nrrd, .mha or .mhd.\n"
-      "patient: of the DICOM series, `Doe^Jane,12345`.  series, keep_slices, skip_damaged, "
+      "patient: of the DICOM series, `Doe^Jane,12345`.  motion, phase, time: as in Scan.moved, which is "
+      "written.\n"
+      "series, keep_slices, skip_damaged, "
       "offset_hu: as open's.");
   module.def(
       "phantom",

@@ -5,10 +5,10 @@ grows towards the patient's left, y towards posterior, z towards superior. Optic
 exp(-tau). Every long call takes `progress`, a callable (fraction, stage) or tqdm, and stops at Ctrl-C.
 """
 from ._core import (Basis, BodyMap, Catheter, CatheterState, CoaxialInstruments, Comparison, Exposure, Fluoroscope, Frame, Frames,
-                    InstrumentShape, Mesh, Opacity, Run, Scan, VesselBranch, Vessels, VesselTree, __version__, compare, convert,
+                    InstrumentShape, Mesh, Motion, Opacity, Run, Scan, VesselBranch, Vessels, VesselTree, __version__, compare, convert,
                     devices, export, open, phantom, simulate, use_device)
 from ._errors import DeviceError, Error, InputError
 
 __all__ = ["Basis", "BodyMap", "Catheter", "CatheterState", "CoaxialInstruments", "Comparison", "DeviceError", "Error", "Exposure",
-           "Fluoroscope", "Frame", "Frames", "InputError", "InstrumentShape", "Mesh", "Opacity", "Run", "Scan", "VesselBranch",
+           "Fluoroscope", "Frame", "Frames", "InputError", "InstrumentShape", "Mesh", "Motion", "Opacity", "Run", "Scan", "VesselBranch",
            "VesselTree", "Vessels", "compare", "convert", "devices", "export", "open", "phantom", "simulate", "use_device"]

@@ -1,5 +1,6 @@
 #include "fuzz/readers.hpp"
 
+#include "support/hdf5_transform.hpp"
 #include "support/igtlink_bytes.hpp"
 #include "support/read_scan.hpp"
 #include "support/scan_files.hpp"
@@ -13,6 +14,7 @@
 #include "xraycast/geometry/mesh.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mechanics/instrument_model.hpp"
+#include "xraycast/motion/motion.hpp"
 #include "xraycast/network/igtlink_receiver.hpp"
 #include "xraycast/scene/session_file.hpp"
 #include "xraycast/simulation/injection.hpp"
@@ -220,6 +222,74 @@ void write_spectrum_map(const fs::path& path) {
   write_body_map(map, path);
 }
 
+/// Of 2 x 3 x 2 nodes.
+VectorImage field() {
+  VectorImage image{{{2, 3, 2}, {-8, -9, 3}, {{4, 1, 0}, {-1, 4, 0}, {0, 0, 5}}}, {}};
+  std::mt19937 random(9);
+  for (int n = 0; n < 12; ++n)
+    image.vectors.emplace_back(random() % 9, static_cast<float>(random() % 9) - 4.5F, 0.25F);
+  return image;
+}
+
+void write_field_of_vectors(const fs::path& path) { write_vector_image(field(), path); }
+
+std::string field_bytes() {
+  const VectorImage image = field();
+  return {reinterpret_cast<const char*>(image.vectors.data()),
+          image.vectors.size() * sizeof image.vectors[0]};
+}
+
+void write_meta_image_field(const fs::path& path) {
+  write_bytes(
+      path,
+      "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+      "TransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = -8 -9 3\nElementSpacing = 4 4 5\nDimSize = 2 3 2\n"
+      "ElementNumberOfChannels = 3\nElementType = MET_FLOAT\nElementDataFile = LOCAL\n" +
+          field_bytes());
+}
+
+/// Of five dimensions.
+void write_nifti_field(const fs::path& path) {
+  NiftiFile file;
+  file.dim = {5, 2, 3, 2, 1, 3, 1, 1};
+  file.datatype = 16, file.bitpix = 32;
+  file.voxels = field_bytes();
+  write_bytes(path, file.bytes());
+}
+
+/// A composite of a matrix and a spline.
+void write_transform_text(const fs::path& path) {
+  std::string coefficients;
+  for (int n = 0; n < 3 * 64; ++n) coefficients += fmt::format("{} ", 0.25 * (n % 7));
+  write_bytes(path,
+              "#Insight Transform File V1.0\n#Transform 0\nTransform: CompositeTransform_double_3_3\n"
+              "#Transform 1\nTransform: AffineTransform_double_3_3\n"
+              "Parameters: 1 0.1 0 0 0.9 0.05 0.02 0 1.1 1 2 3\nFixedParameters: 10 20 30\n"
+              "#Transform 2\nTransform: BSplineTransform_double_3_3\nParameters: " +
+                  coefficients + "\nFixedParameters: 4 4 4 -10 -10 -10 9 9 9 1 0 0 0 1 0 0 0 1\n");
+}
+
+void write_transform_matlab(const fs::path& path) {
+  const auto matrix = [](const std::string& name, const std::vector<double>& values) {
+    const std::int32_t header[] = {0, static_cast<std::int32_t>(values.size()), 1, 0,
+                                   static_cast<std::int32_t>(name.size()) + 1};
+    return bytes_of(std::span<const std::int32_t>(header)) + name + '\0' +
+           bytes_of(std::span<const double>(values));
+  };
+  write_bytes(path, matrix("AffineTransform_double_3_3", {1, 0.1, 0, 0, 0.9, 0.05, 0.02, 0, 1.1, 1, 2, 3}) +
+                        matrix("fixed", {10, 20, 30}));
+}
+
+/// With a field and a composition, and both ways of time.
+void write_motion(const fs::path& path) {
+  write_field_of_vectors(path.parent_path() / "f.nrrd");
+  write_transform_text(path.parent_path() / "t.tfm");
+  write_bytes(path, R"({"version": 1, "modes": [
+  {"name": "breath", "period_s": 4, "phases": [{"phase": 0}, {"phase": 1, "field": "f.nrrd"}]},
+  {"name": "heart", "waveform": [[0, 0], [0.8, 1], [1.7, 2]], "comment": "at rest",
+   "phases": [{"phase": 0}, {"phase": 0.35, "field": ["f.nrrd", "t.tfm"]}]}]})");
+}
+
 /// Of everything that a session may hold.
 void write_whole_session(const fs::path& path) {
   ViewSession session;
@@ -315,6 +385,25 @@ Content read_messages(const fs::path& path) {
   }
   if (!first) first = receiver.end();
   if (first) throw InputError("{}: {}", path.string(), first->text);
+  return {};
+}
+
+/// Looks at places around the fields too: none may be anything but a number.
+Content read_as_motion(const fs::path& path) {
+  const Motion motion = read_motion(path);
+  for (const double time_s : {0.0, 0.7, 5.5}) {
+    const HeldMotion held = motion.held_at(motion.phases_at(time_s));
+    for (const double mm : {-50.0, 0.0, 3.0, 1e4})
+      if (const glm::dvec3 d_mm = held.displacement_mm(glm::dvec3(mm));
+          !std::isfinite(d_mm.x + d_mm.y + d_mm.z))
+        throw std::logic_error("a displacement that is no number");
+  }
+  return {};
+}
+
+Content read_as_field(const fs::path& path) {
+  if (!std::isfinite(read_displacement(path)->at({1, 2, 3}).x))
+    throw std::logic_error("a displacement that is no number");
   return {};
 }
 
@@ -432,6 +521,18 @@ const Reader kReaders[] = {
      [](const fs::path& path) { write_bytes(path, "x,y,z\n0,0,0\n1,2,3\n-1.5,2,30\n"); },
      [](const fs::path& path) { return CurvedAxis::from_file(path.string()), Content(); }},
     {"session", "session.json", write_whole_session, without_content<read_session>},
+    {"motion", "motion.json", write_motion, read_as_motion},
+    {"field_nrrd", "f.nrrd", write_field_of_vectors, read_as_field},
+    {"field_meta_image", "f.mha", write_meta_image_field, read_as_field},
+    {"field_nifti", "f.nii", write_nifti_field, read_as_field},
+    {"transform_text", "t.tfm", write_transform_text, read_as_field},
+    {"transform_matlab", "t.mat", write_transform_matlab, read_as_field},
+    {"transform_hdf5", "t.h5",
+     [](const fs::path& path) {
+       write_hdf5_transform(path, "AffineTransform_double_3_3",
+                            {1, 0.1, 0, 0, 0.9, 0.05, 0.02, 0, 1.1, 1, 2, 3}, {10, 20, 30});
+     },
+     read_as_field},
     {"igtlink", "messages", write_messages, read_messages, {}, set_message_checksums},
 };
 

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"
+#include "xraycast/motion/moved_scan.hpp"
 #include "xraycast/scan/scan.hpp"
 
 #include <algorithm>
@@ -40,10 +41,12 @@ SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels
 }
 
 SpectralScan load(ComputeDevice& device, SliceSource& scan, const std::filesystem::path& iodine,
-                  OutlineFinder& finder, LoadTimings& timings, Progress& progress) {
+                  OutlineFinder& finder, LoadTimings& timings, Progress& progress, const HeldMotion& motion) {
   if (iodine.empty()) return {load(device, scan, finder, timings, progress), {}};
-  const Scan vessels = open_scan(iodine, {}, progress);
+  Scan vessels = open_scan(iodine, {}, progress);
   check_mask_grid(vessels.source->geometry(), scan.geometry(), "`iodine` " + iodine.string());
+  if (!motion.is_still())
+    vessels.source = moved_slices(std::make_shared<const Volume>(collect(*vessels.source, progress)), motion);
   return load(device, scan, *vessels.source, finder, timings, progress);
 }
 

@@ -3,6 +3,7 @@
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projector.hpp"
+#include "xraycast/motion/motion.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
 
 #include <filesystem>
@@ -25,9 +26,10 @@ SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels
                   LoadTimings& timings, Progress& progress);
 
 /// The same of a mask in a file, or of none where `iodine` is empty: the scan is then not held in the host's
-/// memory.
+/// memory. Where the scan was moved, the mask is moved alike.
 SpectralScan load(ComputeDevice& device, SliceSource& scan, const std::filesystem::path& iodine,
-                  OutlineFinder& finder, LoadTimings& timings, Progress& progress);
+                  OutlineFinder& finder, LoadTimings& timings, Progress& progress,
+                  const HeldMotion& motion = {});
 
 /// Throws InputError where a mask of iodine goes with an opacity.
 void check_iodine(const std::filesystem::path& iodine, const Attenuation& attenuation);

@@ -15,11 +15,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void swap_bytes(std::span<char> bytes, std::size_t voxel_B) {
-  for (std::size_t i = 0; i + voxel_B <= bytes.size(); i += voxel_B)
-    std::reverse(bytes.data() + i, bytes.data() + i + voxel_B);
-}
-
 SliceSource::HuRange rescale_bytes(const char* bytes, const ImageHeader& header, std::span<std::int16_t> hu) {
   const auto as = [&]<typename T>(T) {
     return rescale(std::span(reinterpret_cast<const T*>(bytes), hu.size()), header.slope, header.intercept,
@@ -57,7 +52,22 @@ std::array<std::int64_t, 3> sizes_of(const ImageHeader& header) {
   return sizes;
 }
 
+/// Where the voxels of each file start.
+std::int64_t first_B(const PlainVoxels& voxels, std::int64_t file_B) {
+  if (voxels.offset_B != PlainVoxels::kAtTheEnd) return voxels.offset_B;
+  return std::max(voxels.header_B, static_cast<std::int64_t>(fs::file_size(voxels.files.front())) - file_B);
+}
+
 }  // namespace
+
+void swap_bytes(std::span<char> bytes, std::size_t number_B) {
+  for (std::size_t i = 0; i + number_B <= bytes.size(); i += number_B)
+    std::reverse(bytes.data() + i, bytes.data() + i + number_B);
+}
+
+RawVoxels opened(const PlainVoxels& voxels, std::int64_t needed_B) {
+  return {voxels.files.front(), first_B(voxels, needed_B), needed_B};
+}
 
 std::int64_t bytes_of(VoxelType type) {
   constexpr std::array<std::int64_t, 10> kBytes{1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
@@ -110,10 +120,10 @@ void ImageFileStack::check_files() {
                        loaded->bytes.size(), needed_B);
     return;
   }
-  auto& [files, offset_B, header_B] = std::get<PlainVoxels>(voxels_);
+  auto& plain = std::get<PlainVoxels>(voxels_);
+  auto& [files, offset_B, header_B] = plain;
   const std::int64_t file_B = needed_B / std::ssize(files);
-  if (offset_B == PlainVoxels::kAtTheEnd)
-    offset_B = std::max(header_B, static_cast<std::int64_t>(fs::file_size(files.front())) - file_B);
+  offset_B = first_B(plain, file_B);
   for (const fs::path& file : files) RawVoxels(file, offset_B, file_B);
 }
 
@@ -160,16 +170,16 @@ std::string unknown_orientation(const std::string& fault, const ImageHeader& hea
                      fault, orientation_of(header));
 }
 
-Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
-                   std::vector<std::string> warnings, const ScanOptions& options) {
+Scan deliver_image(ImageFile file, const char* format, const ScanOptions& options) {
+  ImageHeader& header = file.header;
   ScanInfo info;
   info.format = format;
   info.orientation = orientation_of(header);
-  info.warnings = std::move(warnings);
+  info.warnings = std::move(file.warnings);
   if (bytes_of(header.type) == 1 && header.slope == 1 && header.intercept == 0)
     info.notes.emplace_back(kEightBitNote);
   header.intercept += options.offset_hu;
-  auto stack = std::make_unique<ImageFileStack>(std::move(header), std::move(voxels));
+  auto stack = std::make_unique<ImageFileStack>(std::move(header), std::move(file.voxels));
   return deliver(std::move(stack), std::move(info), options);
 }
 

@@ -1,8 +1,10 @@
 #pragma once
 
 #include "xraycast/image_file/inflated_voxels.hpp"
+#include "xraycast/image_file/raw_voxels.hpp"
 #include "xraycast/volume/slice_stack.hpp"
 
+#include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
 
 #include <array>
@@ -26,6 +28,9 @@ struct ImageHeader {
   std::array<glm::dvec3, 3> step_mm{};  ///< LPS, from a voxel to the next along each of the first three axes
   glm::dvec3 origin_mm{0, 0, 0};        ///< LPS, of the first voxel
   std::int64_t numbers_per_voxel = 1;
+  bool are_numbers_apart = false;    ///< the first number of all voxels, then the second, not side by side
+  glm::dmat3 vector_to_lps{1};       ///< turns the three numbers of a voxel, where they are a vector
+  bool has_numbers_between = false;  ///< stored between two of the volume's axes; not supported
   VoxelType type = VoxelType::int16;
   bool is_big_endian = false;
   double slope = 1, intercept = 0;  ///< HU = slope * stored + intercept
@@ -68,9 +73,27 @@ class ImageFileStack final : public SliceStack {
   std::unique_ptr<char[]> unpacked_;  ///< all slices, once the first compressed one was requested
 };
 
+/// What a file's header says, and where its voxels are. The files are there; their length is not checked.
+struct ImageFile {
+  ImageHeader header;
+  StoredVoxels voxels;
+  std::vector<std::string> warnings;
+};
+
+/// The readers' first step, also for files of vectors. Throws InputError.
+ImageFile read_nrrd(const std::filesystem::path& path);
+ImageFile read_meta_image(const std::filesystem::path& path);
+ImageFile read_nifti(const std::filesystem::path& path);
+
+/// The first of the stored bytes, once the length of the file is known. Throws InputError when it is too
+/// short.
+RawVoxels opened(const PlainVoxels& voxels, std::int64_t needed_B);
+
+/// Reverses the bytes of each of the numbers.
+void swap_bytes(std::span<char> bytes, std::size_t number_B);
+
 /// The readers' last step.
-Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
-                   std::vector<std::string> warnings, const ScanOptions& options);
+Scan deliver_image(ImageFile file, const char* format, const ScanOptions& options);
 
 /// The patient's sides towards which the stored axes point, three letters.
 std::string orientation_of(const ImageHeader& header);

@@ -158,13 +158,18 @@ StoredVoxels meta_image_voxels(const TextHeader& text, const ImageHeader& header
 
 }  // namespace
 
-Scan open_meta_image(const fs::path& path, const ScanOptions& options, Progress& progress) {
-  progress.begin("opening", 1, "files");
+ImageFile read_meta_image(const fs::path& path) {
   const TextHeader text = read_meta_image_header(path);
   ImageHeader header = meta_image_header(text);
   StoredVoxels voxels = meta_image_voxels(text, header);
+  return {std::move(header), std::move(voxels), {}};
+}
+
+Scan open_meta_image(const fs::path& path, const ScanOptions& options, Progress& progress) {
+  progress.begin("opening", 1, "files");
+  ImageFile file = read_meta_image(path);
   progress.advance();
-  return deliver_image(std::move(header), std::move(voxels), "MetaImage", {}, options);
+  return deliver_image(std::move(file), "MetaImage", options);
 }
 
 bool is_meta_image(const std::string& leading_bytes) {

@@ -69,7 +69,7 @@ class NiftiBytes {
 struct NiftiHeader {
   std::vector<std::int64_t> size;
   std::array<double, 8> pixdim{};  ///< the first one is the handedness of the qform
-  int datatype = 0, qform_code = 0, sform_code = 0, units = 0;
+  int intent = 0, datatype = 0, qform_code = 0, sform_code = 0, units = 0;
   double slope = 0, intercept = 0, voxels_B = 0;
   std::array<double, 6> qform{};   ///< quaternion's b, c, d and the origin
   std::array<double, 12> sform{};  ///< three rows
@@ -93,6 +93,7 @@ NiftiHeader read_nifti_header(const fs::path& path) {
                        header.size.back());
   }
   for (std::size_t i = 0; i < 8; ++i) header.pixdim[i] = bytes.get<float, double>(76, 104, i);
+  header.intent = bytes.get<std::int16_t, std::int32_t>(68, 504);
   header.datatype = bytes.get<std::int16_t>(header.version == 1 ? 70 : 12);
   header.voxels_B = header.version == 1 ? static_cast<double>(bytes.get<float>(108))
                                         : static_cast<double>(bytes.get<std::int64_t>(168));
@@ -275,13 +276,13 @@ VoxelType nifti_type(const fs::path& path, int datatype) {
 
 }  // namespace
 
-Scan open_nifti(const fs::path& path, const ScanOptions& options, Progress& progress) {
-  progress.begin("opening", 1, "files");
+ImageFile read_nifti(const fs::path& path) {
   const NiftiHeader nifti = read_nifti_header(path);
-  std::vector<std::string> warnings;
+  ImageFile file;
+  std::vector<std::string>& warnings = file.warnings;
   const double mm_per_unit = mm_of_unit(nifti.units, warnings);
   const NiftiAxes axes = axes_of(path, nifti, mm_per_unit, warnings);
-  ImageHeader header;
+  ImageHeader& header = file.header;
   header.path = path;
   header.size = nifti.size;
   header.type = nifti_type(path, nifti.datatype);
@@ -297,9 +298,19 @@ Scan open_nifti(const fs::path& path, const ScanOptions& options, Progress& prog
   }
   if (nifti.qform_code <= 0 && nifti.sform_code <= 0)
     warnings.push_back(unknown_orientation("neither qform nor sform", header));
+  // As ITK has it: displacements are RAS, other vectors are as they are.
+  constexpr int kDisplacementVector = 1006;
+  if (nifti.intent == kDisplacementVector)
+    for (int axis = 0; axis < 2; ++axis) header.vector_to_lps[axis][axis] = -1;
+  file.voxels = nifti_voxels(path, nifti);
+  return file;
+}
+
+Scan open_nifti(const fs::path& path, const ScanOptions& options, Progress& progress) {
+  progress.begin("opening", 1, "files");
+  ImageFile file = read_nifti(path);
   progress.advance();
-  StoredVoxels voxels = nifti_voxels(path, nifti);
-  return deliver_image(std::move(header), std::move(voxels), "NIfTI", std::move(warnings), options);
+  return deliver_image(std::move(file), "NIfTI", options);
 }
 
 }  // namespace xraycast

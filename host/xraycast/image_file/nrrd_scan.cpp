@@ -182,6 +182,20 @@ void place_by_spacings(const TextHeader& text, std::size_t axes, std::span<const
   }
 }
 
+/// The columns of the measurement frame are the axes of the vectors in the file's space. Where there is none,
+/// vectors are LPS, as ITK takes them.
+glm::dmat3 vectors_to_lps(const TextHeader& text, const NrrdSpace& space) {
+  glm::dmat3 frame(1);
+  if (space.dimensions < 3) return frame;
+  const auto columns = space_vectors(text, "measurement frame", space.dimensions, space.dimensions);
+  for (int column = 0; column < 3; ++column) {
+    const std::vector<double>& axis = columns[static_cast<std::size_t>(column)];
+    if (axis.empty()) return glm::dmat3(1);
+    frame[column] = space.to_lps * in_space(axis);
+  }
+  return frame;
+}
+
 // ---- voxels ------------------------------------------------------------------------------------------
 
 VoxelType nrrd_type(const TextHeader& text) {
@@ -227,14 +241,18 @@ ImageHeader nrrd_header(const TextHeader& text, std::vector<std::string>& warnin
   for (std::size_t axis = 0; axis < axes; ++axis)
     if (std::ranges::find(domain, axis) != domain.end())
       header.size.push_back(sizes[axis]);
-    else if (sizes[axis] != 1)
+    else if (sizes[axis] != 1) {
       header.numbers_per_voxel = sizes[axis];
+      header.are_numbers_apart = !header.size.empty();
+      header.has_numbers_between = header.are_numbers_apart && axis < domain.back();
+    }
 
   const NrrdSpace space = space_of(text);
   if (space.dimensions > 0)
     place_by_directions(text, space, axes, domain, header, warnings);
   else
     place_by_spacings(text, axes, domain, header, warnings);
+  if (text.has("measurement frame")) header.vector_to_lps = vectors_to_lps(text, space);
   header.type = nrrd_type(text);
   header.is_big_endian = is_big_endian(text, header.type);
   if (!space.is_of_patient)
@@ -269,14 +287,18 @@ StoredVoxels nrrd_voxels(const TextHeader& text) {
 
 }  // namespace
 
+ImageFile read_nrrd(const fs::path& path) {
+  const TextHeader text = read_nrrd_header(path);
+  ImageFile file{{}, nrrd_voxels(text), {}};
+  file.header = nrrd_header(text, file.warnings);
+  return file;
+}
+
 Scan open_nrrd(const fs::path& path, const ScanOptions& options, Progress& progress) {
   progress.begin("opening", 1, "files");
-  const TextHeader text = read_nrrd_header(path);
-  StoredVoxels voxels = nrrd_voxels(text);
-  std::vector<std::string> warnings;
-  ImageHeader header = nrrd_header(text, warnings);
+  ImageFile file = read_nrrd(path);
   progress.advance();
-  return deliver_image(std::move(header), std::move(voxels), "NRRD", std::move(warnings), options);
+  return deliver_image(std::move(file), "NRRD", options);
 }
 
 }  // namespace xraycast

@@ -103,7 +103,7 @@ Scan open_vti(const std::filesystem::path& path, const ScanOptions& options, Pro
     std::vector<std::string> warnings;
     if (file.space().empty()) warnings.push_back(unknown_orientation("no field array SPACE", header));
     progress.advance();
-    return deliver_image(std::move(header), std::move(voxels), "VTK", std::move(warnings), options);
+    return deliver_image({std::move(header), std::move(voxels), std::move(warnings)}, "VTK", options);
   });
 }
 

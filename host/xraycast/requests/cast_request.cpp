@@ -241,15 +241,20 @@ void put(CastResult result, Casting& casting) {
   casting.kernel_ms = result.kernel_ms;
 }
 
-/// The scan, without the vessels that are to be removed.
-Scan open_scan_of(const CastRequest& request, const ScanOpener& open, Progress& progress) {
+/// The scan, without the vessels that are to be removed, and moved.
+Scan open_scan_of(const CastRequest& request, const MotionOfRequest& motion, const ScanOpener& open,
+                  Progress& progress) {
   Scan scan = open(progress);
-  if (request.without_vessels.empty()) return scan;
-  const std::filesystem::path file = request.without_vessels / "mask.nrrd";
-  const Scan vessels = open_scan(file, {}, progress);
-  check_mask_grid(vessels.source->geometry(), scan.source->geometry(), "`without_vessels` " + file.string());
-  scan.source = std::make_unique<WithoutVessels>(std::move(scan.source), collect(*vessels.source, progress));
-  return scan;
+  if (!request.without_vessels.empty()) {
+    const std::filesystem::path file = request.without_vessels / "mask.nrrd";
+    const Scan vessels = open_scan(file, {}, progress);
+    check_mask_grid(vessels.source->geometry(), scan.source->geometry(),
+                    "`without_vessels` " + file.string());
+    scan.source =
+        std::make_unique<WithoutVessels>(std::move(scan.source), collect(*vessels.source, progress));
+  }
+  scan.info.warnings.clear();  // the opener has told of them
+  return moved(std::move(scan), motion, progress);
 }
 
 /// The bytes above which a scan is cast by slabs.
@@ -258,19 +263,19 @@ std::int64_t memory_limit_B(const CastRequest& request, const ComputeDevice& dev
 }
 
 /// Reads the scan twice if the body's outline is needed first.
-Casting cast_slabs(const CastRequest& request, const ScanOpener& open, Scan scan, std::int64_t limit_B,
-                   ComputeDevice& device, Progress& progress) {
+Casting cast_slabs(const CastRequest& request, const MotionOfRequest& motion, const ScanOpener& open,
+                   Scan scan, std::int64_t limit_B, ComputeDevice& device, Progress& progress) {
   if (request.knots_hu) throw InputError("a basis needs the whole scan in memory; raise `memory_limit_B`");
   const VolumeGeometry volume = scan.source->geometry();
   const std::int64_t slices = slab_slices_within(volume, limit_B);
   const auto* opacity = std::get_if<Opacity>(&request.opacity);
   if (!opacity) throw InputError("a spectrum map needs the whole scan in memory; raise `memory_limit_B`");
   OutlineFinder finder = outline_finder(request, volume);
-  Casting casting;
+  Casting casting{.notes = scan.info.warnings};
   if (request.centre_mm.empty() || !request.radius_mm || request.has_body_outline()) {
     const Stopwatch looking;
     look_through(*scan.source, finder, progress);
-    scan = open_scan_of(request, open, progress);
+    scan = open_scan_of(request, motion, open, progress);
     casting.load.read_ms = looking.ms();
   }
   const Stopwatch finding;
@@ -326,6 +331,7 @@ void check(const CastRequest& request) {
   check_applies(request);
   check_values(request);
   check_iodine(request.iodine, request.opacity);
+  check(request.motion);
   resolve_knots(request);
   MapGeometry of_one_row;
   of_one_row.ray_layout = request.projection;
@@ -339,7 +345,7 @@ void check(const CastRequest& request) {
 }
 
 bool takes_resident(const CastRequest& request, const VolumeGeometry& volume, const ComputeDevice& device) {
-  return request.iodine.empty() && request.without_vessels.empty() &&
+  return request.iodine.empty() && request.without_vessels.empty() && !request.motion.is_given() &&
          resident_bytes(volume) <= memory_limit_B(request, device);
 }
 
@@ -375,16 +381,19 @@ Casting cast(const CastRequest& request, const SpectralScan& scan, const Outline
 
 Casting cast(const CastRequest& request, const ScanOpener& open, ComputeDevice& device, Progress& progress) {
   check(request);
-  Scan scan = open_scan_of(request, open, progress);
+  const MotionOfRequest motion = held_motion(request.motion);
+  Scan scan = open_scan_of(request, motion, open, progress);
   const VolumeGeometry volume = scan.source->geometry();
   const std::int64_t limit_B = memory_limit_B(request, device);
   if (resident_bytes(volume) > limit_B || is_best_by_slabs(request, volume))
-    return cast_slabs(request, open, std::move(scan), limit_B, device, progress);
+    return cast_slabs(request, motion, open, std::move(scan), limit_B, device, progress);
   OutlineFinder finder = outline_finder(request, volume);
   LoadTimings load_timings;
-  const SpectralScan resident = load(device, *scan.source, request.iodine, finder, load_timings, progress);
+  const SpectralScan resident =
+      load(device, *scan.source, request.iodine, finder, load_timings, progress, motion.held);
   Casting casting = cast(request, resident, finder, scan.source->hu_range(), progress);
   std::ranges::move(scan.source->hu_range().warnings(), std::back_inserter(casting.notes));
+  std::ranges::move(scan.info.warnings, std::back_inserter(casting.notes));
   casting.load = load_timings;
   return casting;
 }

@@ -4,6 +4,7 @@
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/motion/motion_request.hpp"
 #include "xraycast/volume/scan_info.hpp"
 
 #include <filesystem>
@@ -43,6 +44,7 @@ struct CastRequest {
   Attenuation opacity = Opacity::paper();
   std::filesystem::path iodine{};                ///< with a spectrum: a mask of vessels, on the scan's grid
   std::filesystem::path without_vessels{};       ///< a folder of `mask.nrrd`: see WithoutVessels
+  MotionRequest motion{};                        ///< of the scan, which is cast as it is at that instant
   std::optional<std::int64_t> memory_limit_B{};  ///< beyond it, slabs are cast; the device's largest buffer
 
   bool makes_map = true;
@@ -98,7 +100,8 @@ using ScanOpener = std::function<Scan(Progress& progress)>;
 Casting cast(const CastRequest& request, const ScanOpener& open, ComputeDevice& device, Progress& progress);
 
 /// The same of a scan that is on the device, and of what the request's outline_finder() has seen of it; one
-/// that has found the skin serves circles too. Ignores `iodine`, `without_vessels` and the limit of memory.
+/// that has found the skin serves circles too. Ignores `iodine`, `without_vessels`, `motion` and the limit of
+/// memory.
 Casting cast(const CastRequest& request, const SpectralScan& scan, const OutlineFinder& body,
              const SliceSource::HuRange& hu, Progress& progress);
 

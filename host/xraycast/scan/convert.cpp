@@ -8,6 +8,7 @@
 namespace xraycast {
 
 void check(const ConvertRequest& request) {
+  check(request.motion);
   if (std::error_code error; std::filesystem::equivalent(request.input, request.output, error))
     throw InputError("{}: is also the input and would be overwritten; choose another name",
                      request.output.string());
@@ -21,8 +22,9 @@ void check(const ConvertRequest& request) {
 
 Converted convert(const ConvertRequest& request, Progress& progress) {
   check(request);
+  const MotionOfRequest motion = held_motion(request.motion);
   const std::string name = request.input.string();
-  Scan scan = open_scan(name, request.scan, progress);
+  Scan scan = moved(open_scan(name, request.scan, progress), motion, progress);
   Converted converted{
       .geometry = scan.source->geometry(), .info = scan.info, .is_series = is_ct_series(request.output)};
   if (converted.is_series) check_ct_series(converted.geometry, request.output, request.patient);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/base/dicom_patient.hpp"
+#include "xraycast/motion/motion_request.hpp"
 #include "xraycast/scan/scan.hpp"
 
 #include <filesystem>
@@ -15,6 +16,7 @@ struct ConvertRequest {
   std::filesystem::path output{};  ///< a new folder for a DICOM CT series, or a file (see write_volume)
   ScanOptions scan{};
   DicomPatient patient{};  ///< of a DICOM series
+  MotionRequest motion{};  ///< of the scan, which is written as it is at that instant
 };
 
 /// Throws InputError for a format that there is not, a patient of what is not DICOM, and a file that cannot

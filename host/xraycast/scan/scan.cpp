@@ -251,9 +251,9 @@ Scan open_array(std::span<const std::int16_t> hu, const Index3& size,
   header.step_mm = step_mm;
   header.origin_mm = origin_mm;
   const auto bytes = std::as_bytes(hu);
-  return deliver_image(std::move(header),
-                       LoadedVoxels{{reinterpret_cast<const char*>(bytes.data()), bytes.size()}}, "array", {},
-                       {});
+  return deliver_image(
+      {std::move(header), LoadedVoxels{{reinterpret_cast<const char*>(bytes.data()), bytes.size()}}, {}},
+      "array", {});
 }
 
 }  // namespace xraycast

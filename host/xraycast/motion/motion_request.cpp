@@ -1,0 +1,53 @@
+#include "xraycast/motion/motion_request.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
+#include "xraycast/motion/moved_scan.hpp"
+
+#include <cmath>
+#include <utility>
+
+namespace xraycast {
+
+void check(const MotionRequest& request) {
+  if (!request.is_given()) return;
+  if (request.motion.empty())
+    throw InputError("`{}` needs a motion; give `motion` too", request.time_s ? "time" : "phase");
+  if (request.time_s && !request.phase.empty())
+    throw InputError("`phase` and `time` name two instants; give only one of them");
+  if (!request.time_s && request.phase.empty())
+    throw InputError("`motion` {}: at which instant? Give `phase` or `time`; a phase of 0 is the scan itself",
+                     request.motion.string());
+  constexpr double kLongest_s = 1e9;
+  if (request.time_s && !(std::abs(*request.time_s) <= kLongest_s))
+    throw InputError("`time` {}: must be seconds, within {:g}", *request.time_s, kLongest_s);
+}
+
+MotionOfRequest held_motion(const MotionRequest& request) {
+  check(request);
+  if (!request.is_given()) return {};
+  const Motion motion = read_motion(request.motion);
+  const std::vector<double> phases =
+      request.time_s ? motion.phases_at(*request.time_s) : motion.phases_of(request.phase);
+  MotionOfRequest of_request{motion.held_at(phases), motion.name(), {}, motion.warnings()};
+  for (std::size_t m = 0; m < phases.size(); ++m)
+    of_request.phases.emplace_back(motion.modes()[m].name, phases[m]);
+  return of_request;
+}
+
+Scan moved(Scan scan, const MotionOfRequest& motion, Progress& progress) {
+  scan = moved(std::move(scan), motion.held, motion.name, progress);
+  scan.info.warnings.insert(scan.info.warnings.end(), motion.warnings.begin(), motion.warnings.end());
+  return scan;
+}
+
+std::pair<std::string, double> parse_phase(const std::string& text) {
+  const auto equals = text.rfind('=');
+  double phase = 0;
+  if (equals == std::string::npos || equals == 0 ||
+      !parse_whole(std::string_view(text).substr(equals + 1), phase))
+    throw InputError("`phase` {}: must be a mode and its phase, such as breath=0.3", excerpt(text));
+  return {text.substr(0, equals), phase};
+}
+
+}  // namespace xraycast

@@ -1,0 +1,45 @@
+#pragma once
+
+#include "xraycast/motion/motion.hpp"
+#include "xraycast/volume/scan_info.hpp"
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// At which instant of its motion a scan is taken, as every front end asks for it. Messages name the fields
+/// in backquotes, for with_names().
+struct MotionRequest {
+  std::filesystem::path motion{};         ///< motion.json; empty: the scan as it is
+  std::map<std::string, double> phase{};  ///< of modes by name, 0 to 1; 0 of those that are not named
+  std::optional<double> time_s{};         ///< instead: the phases of all modes at a time
+
+  bool is_given() const { return !motion.empty() || !phase.empty() || time_s; }
+};
+
+/// Throws InputError for a phase or time without a motion or both of them, and for a motion without either.
+/// Reads no file.
+void check(const MotionRequest& request);
+
+/// A body's motion, held at what was asked for.
+struct MotionOfRequest {
+  HeldMotion held;
+  std::string name{};                                    ///< of the motion's file
+  std::vector<std::pair<std::string, double>> phases{};  ///< of each mode, in order
+  std::vector<std::string> warnings{};                   ///< of the motion
+};
+
+/// Reads the motion; nothing where none is given. Throws InputError as check() and read_motion.
+MotionOfRequest held_motion(const MotionRequest& request);
+
+/// The scan at that instant: see `moved` of moved_scan.hpp. Warnings of the motion are among the scan's.
+Scan moved(Scan scan, const MotionOfRequest& motion, Progress& progress);
+
+/// `breath=0.3`, as a mode's name and its phase. Throws InputError with the field `phase` in front.
+std::pair<std::string, double> parse_phase(const std::string& text);
+
+}  // namespace xraycast

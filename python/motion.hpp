@@ -1,0 +1,33 @@
+#pragma once
+
+#include "job.hpp"
+#include "scan.hpp"
+#include "values.hpp"
+#include "xraycast/motion/motion_request.hpp"
+
+#include <nanobind/nanobind.h>
+
+namespace xraycast::python {
+
+namespace nb = nanobind;
+
+/// As `motion`, `phase` and `time` were given; each may be None. Throws InputError as check().
+MotionRequest motion_request_of(const nb::object& motion, const nb::object& phase, const nb::object& time);
+
+/// The scan at that instant, with its own and the motion's warnings.
+HeldScan moved_scan(const HeldScan& scan, const MotionRequest& request, Progress& progress);
+
+/// Calls `make` with the scan at that instant, or with the scan itself where no motion is given.
+template <typename Make>
+auto with_motion(HeldScan& scan, const MotionRequest& request, const nb::object& progress, const Make& make) {
+  if (!request.is_given()) return make(scan);
+  HeldScan moved =
+      result_of(progress, [&](Progress& reported) { return moved_scan(scan, request, reported); });
+  warn(moved.info().warnings);
+  return make(moved);
+}
+
+/// Motion, and Scan's moved.
+void add_motion(nb::module_& module, nb::class_<HeldScan>& scan);
+
+}  // namespace xraycast::python
