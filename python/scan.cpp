@@ -12,6 +12,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <iterator>
+#include <map>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -312,16 +314,25 @@ void add_scan(nb::module_& module) {
   module.def(
       "phantom",
       [](const std::string& name, const nb::object& size, std::optional<double> spacing_mm,
-         std::optional<double> noise_hu, bool table, std::uint32_t seed, const nb::object& progress) {
+         std::optional<double> noise_hu, bool table, std::uint32_t seed, bool coronaries,
+         std::map<std::string, double> phase, const nb::object& progress) {
         return made_phantom(name,
-                            {.spacing_mm = spacing_mm, .noise_hu = noise_hu, .table = table, .seed = seed},
+                            {.spacing_mm = spacing_mm,
+                             .noise_hu = noise_hu,
+                             .table = table,
+                             .coronaries = coronaries,
+                             .phase = std::move(phase),
+                             .seed = seed},
                             size, progress);
       },
       nb::arg("name"), nb::kw_only(), nb::arg("size") = nb::none(), nb::arg("spacing_mm") = nb::none(),
       nb::arg("noise_hu") = nb::none(), nb::arg("table") = false, nb::arg("seed") = 1,
-      nb::arg("progress") = nb::none(),
+      nb::arg("coronaries") = false, nb::arg("phase") = nb::dict(), nb::arg("progress") = nb::none(),
       "A synthetic CT scan of known anatomy: thorax, head, abdomen, cylinder, sphere, box or shepp-logan.\n\n"
-      "size: voxels (x, y, z).");
+      "size: voxels (x, y, z).  coronaries: of the thorax.\n"
+      "phase: of its movements, 0 to 1, such as {'breath': 1, 'heart': 0.4} of the thorax or {'turn': 1} of "
+      "the "
+      "head.");
 }
 
 }  // namespace xraycast::python
