@@ -368,15 +368,16 @@ void head_rest(PhantomScene& scene) {
 PhantomMode turn_mode() {
   PhantomMode mode{.name = "turn", .period_s = 8, .keys = {0, 1}};
   mode.share = [](double phase) { return phase; };
-  mode.lower_mm = {-200, -200, -130};
-  mode.upper_mm = {200, 110, 500};
+  mode.lower_mm = {-125, -300, -130};
+  mode.upper_mm = {125, 112, 500};
   // The atlas turns about the dens, with the head; the vertebrae below share the rest among them. Skin slides
   // on the headrest.
   mode.displacement_mm = [share = MonotoneProfile({{-130, 0}, {-100, 0.12}, {-62, 0.45}, {-44, 1}}),
-                          upper_y = mode.upper_mm.y](const glm::dvec3& x) -> glm::dvec3 {
-    constexpr double kTurn_rad = 0.05, kDens_mm = 9, kSkull_mm = 99;
+                          upper = mode.upper_mm](const glm::dvec3& x) -> glm::dvec3 {
+    constexpr double kTurn_rad = 0.05, kDens_mm = 9, kSkull_mm = 99, kEars_mm = 85;
     const double turn = -kTurn_rad * share(x.z), y = x.y - kDens_mm;
-    const double slide = 1 - glm::smoothstep(kSkull_mm, upper_y, x.y);
+    const double slide = (1 - glm::smoothstep(kSkull_mm, upper.y, x.y)) *
+                         (1 - glm::smoothstep(kEars_mm, upper.x, std::abs(x.x)));
     return slide * glm::dvec3((std::cos(turn) - 1) * x.x - std::sin(turn) * y,
                               std::sin(turn) * x.x + (std::cos(turn) - 1) * y, 0);
   };

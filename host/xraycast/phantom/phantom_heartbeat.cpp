@@ -34,9 +34,9 @@ struct Systole {
   static constexpr double kBaseDescent_mm = 14, kSqueeze = 0.65;
   /// From the axis: of the squeeze, and of what fades beyond the heart's surface.
   static constexpr double kSqueezed_mm = 58, kSurface_mm = 48, kReach_mm = 74;
-  MonotoneProfile descent{{{-10, 0}, {0, 0}, {20, 0.17}, {60, 0.62}, {95, 1}, {165, 0}}};
+  MonotoneProfile descent{{{-10, 0}, {0, 0}, {20, 0.2}, {60, 0.72}, {82, 1}, {96, 1}, {165, 0}}};
   MonotoneProfile squeeze{{{-25, 0}, {10, 0.8}, {35, 1}, {70, 1}, {95, 0.45}, {125, 0}}};
-  MonotoneProfile twist_deg{{{-25, 0}, {8, 10}, {95, -3}, {135, 0}}};
+  MonotoneProfile twist_deg{{{-25, 0}, {14, 13}, {95, -3.2}, {135, 0}}};
 };
 
 }  // namespace
@@ -47,8 +47,8 @@ PhantomMode heart_mode() {
     mode.keys.push_back(static_cast<double>(i) / static_cast<double>(kContraction.size()));
   mode.share = contraction;
   // The reach about the long axis, from beyond the apex to the aortic arch.
-  mode.lower_mm = {-110, -140, 0};
-  mode.upper_mm = {150, 65, 220};
+  mode.lower_mm = {-100, -145, -14};
+  mode.upper_mm = {142, 82, 220};
   mode.displacement_mm = [body = TrunkRegions(), systole = Systole()](const glm::dvec3& x) -> glm::dvec3 {
     const glm::dvec3 towards_apex = kHeartAxis, from_apex = x - kHeartApex_mm;
     const double height = -glm::dot(from_apex, towards_apex);
