@@ -158,12 +158,12 @@ void PhantomSource::paint(std::span<std::int16_t> slices, std::int64_t count) {
     const cl::Buffer base_hu = constant_buffer<float>(device_, bricks.base_hu);
     const cl::Buffer first = constant_buffer<cl_int>(device_, bricks.first);
     const cl::Buffer list = constant_buffer<cl_int>(device_, bricks.list);
+    const cl::Buffer places = constant_buffer<float>(device_, places_mm);
     const cl::Buffer out = device_.buffer(CL_MEM_WRITE_ONLY, bytes);
     if (is_still)
       set_args(kernel_, slab, primitives_, stations_, base_hu, first, list, out);
     else
-      set_args(kernel_, slab, primitives_, stations_, base_hu, first, list,
-               constant_buffer<float>(device_, places_mm), out);
+      set_args(kernel_, slab, primitives_, stations_, base_hu, first, list, places, out);
     // A work-group is a brick: its rows run through the same list.
     const cl::NDRange range(static_cast<cl::size_type>(slab.bricks_x),
                             static_cast<cl::size_type>(bricks_for(geometry.size.y) * kBrick),
