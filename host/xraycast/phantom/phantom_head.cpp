@@ -1,4 +1,4 @@
-#include "xraycast/phantom/monotone_profile.hpp"
+#include "xraycast/motion/monotone_profile.hpp"
 #include "xraycast/phantom/phantom_bodies.hpp"
 #include "xraycast/phantom/phantom_modes.hpp"
 #include "xraycast/phantom/phantom_tissue.hpp"

@@ -1,14 +1,10 @@
 #include "xraycast/phantom/phantom_motion_file.hpp"
 
-#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/base/whole_file.hpp"
-#include "xraycast/image_file/write_volume.hpp"
+#include "xraycast/motion/motion_writer.hpp"
 
-#include <fmt/format.h>
 #include <glm/common.hpp>
-#include <nlohmann/json.hpp>
 
 #include <vector>
 
@@ -53,39 +49,14 @@ void check_motion(const Phantom& phantom, double spacing_mm) {
 void write_motion(const Phantom& phantom, const std::filesystem::path& folder, double spacing_mm,
                   Progress& progress) {
   check_motion(phantom, spacing_mm);
-  std::int64_t keys = 0;
-  for (const PhantomMode& mode : phantom.modes()) keys += std::ssize(mode.keys);
-  progress.begin("writing the motion", keys, "fields");
-  OutputSet outputs;
-  auto modes = nlohmann::ordered_json::array();
+  std::vector<ScaledMode> modes;
   for (const PhantomMode& mode : phantom.modes()) {
-    const VolumeGeometry nodes = nodes_of(mode, phantom.geometry(), spacing_mm);
-    const std::vector<glm::vec3> whole_mm = displacements(mode, nodes);
-    auto phases = nlohmann::ordered_json::array();
-    for (const double phase : mode.keys) {
-      progress.advance();
-      const double share = mode.share(phase);
-      if (share == 0) {
-        phases.push_back({{"phase", phase}});
-        continue;
-      }
-      std::vector<glm::vec3> field_mm = whole_mm;
-      for (glm::vec3& d : field_mm) d *= static_cast<float>(share);
-      const std::string file = fmt::format("{}_{:g}.nrrd", mode.name, phase);
-      write_vectors(nodes, field_mm, folder / file);
-      phases.push_back({{"phase", phase}, {"field", file}});
-    }
-    nlohmann::ordered_json described{{"name", mode.name}};
-    if (mode.waveform.empty())
-      described["period_s"] = mode.period_s;
-    else
-      described["waveform"] = mode.waveform;
-    described["phases"] = phases;
-    modes.push_back(described);
+    ScaledMode& scaled = modes.emplace_back(ScaledMode{mode.name, mode.period_s, mode.waveform});
+    for (const double phase : mode.keys) scaled.keys.emplace_back(phase, mode.share(phase));
+    scaled.nodes = nodes_of(mode, phantom.geometry(), spacing_mm);
+    scaled.field_mm = displacements(mode, scaled.nodes);
   }
-  write_whole_file(folder / "motion.json",
-                   nlohmann::ordered_json{{"version", 1}, {"modes", modes}}.dump(1) + "\n");
-  outputs.commit();
+  write_motion(modes, folder, progress);
 }
 
 }  // namespace xraycast
