@@ -4,20 +4,41 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/phantom/phantom_motion_file.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <filesystem>
+#include <map>
 #include <memory>
+#include <vector>
 
 namespace xraycast::cli {
 namespace {
 
 struct PhantomArguments {
-  std::string name, output, size, truth;
+  std::string name, output, size, truth, motion;
+  std::vector<std::string> phases;
+  double motion_spacing_mm = 4;
   PhantomOptions phantom;
 };
+
+/// `breath=0.3` each. Throws InputError.
+std::map<std::string, double> parse_phases(const std::vector<std::string>& texts) {
+  std::map<std::string, double> phases;
+  for (const std::string& text : texts) {
+    const std::size_t equals = text.find('=');
+    const std::vector<double> phase = equals == std::string::npos
+                                          ? std::vector<double>()
+                                          : parse_numbers(text.substr(equals + 1), "--phase");
+    if (phase.size() != 1)
+      throw InputError("--phase {}: give a movement and its phase, such as breath=0.3", excerpt(text));
+    if (!phases.emplace(text.substr(0, equals), phase[0]).second)
+      throw InputError("--phase {}: this movement has a phase already; leave one out", excerpt(text));
+  }
+  return phases;
+}
 
 void write_vessels(const std::vector<VesselBranch>& branches, const std::string& name,
                    const std::filesystem::path& folder, const std::string& suffix) {
@@ -54,6 +75,7 @@ void make(PhantomArguments options, Invocation& invocation) {
     const auto size = parse_sizes(options.size, 3, "--size");
     options.phantom.size = Index3(size[0], size[1], size[2]);
   }
+  options.phantom.phase = parse_phases(options.phases);
   const Phantom phantom = make_phantom(options.name, options.phantom);
   check_volume_format(options.output);
   check_writable(options.output);
@@ -61,12 +83,19 @@ void make(PhantomArguments options, Invocation& invocation) {
     throw InputError(
         "--table: the phantom {} has no table; make thorax, head or abdomen, or leave --table out",
         phantom.name());
+  if (!options.motion.empty()) check_motion(phantom, options.motion_spacing_mm);
   if (!options.truth.empty()) check_truth_folder(phantom, options.truth);
+  if (!options.motion.empty()) {
+    make_folder(options.motion, "--motion " + options.motion);
+    check_writable(std::filesystem::path(options.motion) / "motion.json");
+  }
 
   ComputeDevice device(invocation.device);
   OutputSet outputs;
   write_volume(generate(phantom, device, invocation.progress), options.output, invocation.progress);
   if (!options.truth.empty()) write_truth(phantom, options.truth, device, invocation.progress);
+  if (!options.motion.empty())
+    write_motion(phantom, options.motion, options.motion_spacing_mm, invocation.progress);
   outputs.commit();
   const VolumeGeometry& g = phantom.geometry();
   invocation.report({{"phantom", options.name}, {"output", options.output}, {"volume", to_json(g)}},
@@ -79,11 +108,14 @@ void make(PhantomArguments options, Invocation& invocation) {
 
 void add_phantom(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<PhantomArguments>();
-  CLI::App* command = add_command(app, invocation, "phantom", "Make a synthetic CT scan of known anatomy",
-                                  "  xraycast phantom thorax -o thorax.nrrd --truth thorax-truth/\n"
-                                  "  xraycast phantom head -o head.nii.gz --size 256x256x256\n"
-                                  "  xraycast phantom shepp-logan -o shepp-logan.mha --spacing 2",
-                                  [options, &invocation] { make(*options, invocation); });
+  CLI::App* command =
+      add_command(app, invocation, "phantom", "Make a synthetic CT scan of known anatomy",
+                  "  xraycast phantom thorax -o thorax.nrrd --truth thorax-truth/\n"
+                  "  xraycast phantom thorax -o inspired.nrrd --phase breath=1 --phase heart=0.4\n"
+                  "  xraycast phantom thorax -o thorax.nrrd --coronaries --motion thorax-motion/\n"
+                  "  xraycast phantom head -o head.nii.gz --size 256x256x256\n"
+                  "  xraycast phantom shepp-logan -o shepp-logan.mha --spacing 2",
+                  [options, &invocation] { make(*options, invocation); });
   command->add_option("NAME", options->name, fmt::format("{}", fmt::join(phantom_names(), ", ")))
       ->required()
       ->check(CLI::IsMember(phantom_names()));
@@ -103,6 +135,23 @@ void add_phantom(CLI::App& app, Invocation& invocation) {
       ->capture_default_str()
       ->type_name("N");
   command->add_flag("--table", options->phantom.table, "Include the patient table or the headrest");
+  command->add_flag("--coronaries", options->phantom.coronaries,
+                    "Include the coronary arteries of the thorax");
+  command
+      ->add_option(
+          "--phase", options->phases,
+          "Hold a movement at a phase, 0 to 1: breath and heart of the thorax, turn of the head; may "
+          "be given once for each")
+      ->type_name("NAME=PHASE");
+  command
+      ->add_option("--motion", options->motion,
+                   "Also write how the phantom moves: motion.json and fields of displacements")
+      ->type_name("DIR");
+  command
+      ->add_option("--motion-spacing", options->motion_spacing_mm,
+                   "Distance between the nodes of these fields")
+      ->capture_default_str()
+      ->type_name("MM");
   command
       ->add_option(
           "--truth", options->truth,

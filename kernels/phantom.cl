@@ -114,7 +114,37 @@ static row loft_distance(global const XrcPrimitive* s, global const XrcStation* 
   return max((f - 1.0f) / max(sqrt(squared((row3){slope_x, slope_y, slope_z})), TINY), beyond_end_mm);
 }
 
-static row distance_to(global const XrcPrimitive* s, global const XrcStation* stations, const row3 p) {
+/* The same for a row whose points lie at different heights: each has a section of its own. */
+static row bent_loft_distance(global const XrcPrimitive* s, global const XrcStation* stations, const row3 p) {
+  const float last = (float)(s->count - 1), n = s->exponents[0];
+  const row up = (p.z - s->a[0]) / s->a[1], height = clamp(up, 0.0f, last);
+  const row beyond_end_mm = max(-up, up - last) * s->a[1];
+  const int16 station = min(convert_int16(height), s->count - 2);
+  const row t = height - convert_float16(station);
+  int at[16];
+  float low[4][16], high[4][16];
+  vstore16(s->first + station, 0, at);
+  for (int i = 0; i < 16; ++i) {
+    const XrcStation lower = stations[at[i]], upper = stations[at[i] + 1];
+    low[0][i] = lower.x, low[1][i] = lower.y, low[2][i] = lower.a, low[3][i] = lower.b;
+    high[0][i] = upper.x, high[1][i] = upper.y, high[2][i] = upper.a, high[3][i] = upper.b;
+  }
+  const row low_x = vload16(0, low[0]), low_y = vload16(0, low[1]), low_a = vload16(0, low[2]),
+            low_b = vload16(0, low[3]);
+  const row rise_x = vload16(0, high[0]) - low_x, rise_y = vload16(0, high[1]) - low_y,
+            rise_a = vload16(0, high[2]) - low_a, rise_b = vload16(0, high[3]) - low_b;
+  const row a = low_a + t * rise_a, b = low_b + t * rise_b;
+  const row x = p.x - (low_x + t * rise_x), y = p.y - (low_y + t * rise_y), u = fabs(x) / a, v = fabs(y) / b;
+  const row f = max(norm_n(u, v, n), TINY);
+  const row slope_x = norm_slope(u / f, n) / a, slope_y = norm_slope(v / f, n) / b;
+  const row slope_z =
+      (slope_x * (sign(x) * rise_x + u * rise_a) + slope_y * (sign(y) * rise_y + v * rise_b)) / s->a[1];
+  return max((f - 1.0f) / max(sqrt(squared((row3){slope_x, slope_y, slope_z})), TINY), beyond_end_mm);
+}
+
+/* `is_straight`: the points lie on a row of voxels, and not where a motion has put these. */
+static row distance_to(global const XrcPrimitive* s, global const XrcStation* stations, const row3 p,
+                       const bool is_straight) {
   switch (s->kind) {
     case XRC_SOLID:
       return solid_distance(s, p);
@@ -125,23 +155,36 @@ static row distance_to(global const XrcPrimitive* s, global const XrcStation* st
     case XRC_PLATE:
       return plate_distance(s, p);
     default:
-      return loft_distance(s, stations, p);
+      return is_straight ? loft_distance(s, stations, p) : bent_loft_distance(s, stations, p);
   }
 }
 
-/* The row passes the shape's box at more than `margin_mm`. */
-static bool misses(global const XrcPrimitive* s, const row3 p, const float margin_mm) {
-  const float3 first = (float3)(p.x.s0, p.y.s0, p.z.s0), last = (float3)(p.x.sf, p.y.s0, p.z.s0);
-  return any(last < load3(s->lower_mm) - margin_mm) || any(first > load3(s->upper_mm) + margin_mm);
+static float lowest(const row v) {
+  const float8 a = min(v.lo, v.hi);
+  const float4 b = min(a.lo, a.hi);
+  const float2 c = min(b.lo, b.hi);
+  return min(c.x, c.y);
+}
+static float highest(const row v) { return -lowest(-v); }
+
+/* What lies between the corners passes the shape's box at more than `margin_mm`. */
+static bool misses(global const XrcPrimitive* s, const float3 lower, const float3 upper,
+                   const float margin_mm) {
+  return any(upper < load3(s->lower_mm) - margin_mm) || any(lower > load3(s->upper_mm) + margin_mm);
 }
 
 /* Paints the listed shapes over `hu`, each layer by the share of the voxel that it fills. */
 static row paint(row hu, global const XrcPrimitive* primitives, global const XrcStation* stations,
-                 global const int* list, const int count, const row3 p, const float edge_mm) {
+                 global const int* list, const int count, const row3 p, const float edge_mm,
+                 const bool is_straight) {
+  const float3 lower =
+      is_straight ? (float3)(p.x.s0, p.y.s0, p.z.s0) : (float3)(lowest(p.x), lowest(p.y), lowest(p.z));
+  const float3 upper =
+      is_straight ? (float3)(p.x.sf, p.y.s0, p.z.s0) : (float3)(highest(p.x), highest(p.y), highest(p.z));
   row nearest = FAR_MM;
   for (int i = 0; i < count; ++i) {
     global const XrcPrimitive* s = primitives + list[i];
-    if (!misses(s, p, edge_mm)) nearest = min(nearest, distance_to(s, stations, p));
+    if (!misses(s, lower, upper, edge_mm)) nearest = min(nearest, distance_to(s, stations, p, is_straight));
     if (i + 1 < count && primitives[list[i + 1]].layer == s->layer) continue;
     const row coverage = clamp(0.5f - nearest / edge_mm, 0.0f, 1.0f);
     hu += coverage * (s->is_additive ? s->hu : s->hu - hu);
@@ -175,6 +218,15 @@ static void store(const short16 voxels, const int count, global short* out) {
   for (int i = 0; i < count; ++i) out[i] = cut[i];
 }
 
+static void store_noisy(const row hu, const XrcPhantomSlab slab, const int x, const int y, const int z,
+                        global short* out) {
+  const int16 xs = x + (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  const row noisy =
+      hu + slab.noise_hu * noise(convert_uint16(xs), (uint)y, (uint)(slab.first_slice + z), (uint)slab.seed);
+  store(convert_short16_sat_rte(clamp(noisy, -1024.0f, 3071.0f)), slab.size[0] - x,
+        out + ((size_t)z * slab.size[1] + y) * slab.size[0] + x);
+}
+
 /* Brick i of the slab starts from base_hu[i] and paints list[first[i]] to list[first[i + 1] - 1] over it. */
 kernel void phantom_slab(const XrcPhantomSlab slab, global const XrcPrimitive* primitives,
                          global const XrcStation* stations, global const float* base_hu,
@@ -183,13 +235,25 @@ kernel void phantom_slab(const XrcPhantomSlab slab, global const XrcPrimitive* p
   if (column >= slab.bricks_x || y >= slab.size[1] || z >= slab.size[2]) return;
   const int brick = y / XRC_PHANTOM_BRICK * slab.bricks_x + column, x = column * XRC_PHANTOM_BRICK;
   const int16 xs = x + (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  const int slice = slab.first_slice + z;
   const row3 p = {slab.origin_mm[0] + slab.spacing_mm[0] * convert_float16(xs),
                   slab.origin_mm[1] + slab.spacing_mm[1] * (float)y,
-                  slab.origin_mm[2] + slab.spacing_mm[2] * (float)slice};
+                  slab.origin_mm[2] + slab.spacing_mm[2] * (float)(slab.first_slice + z)};
   const row hu = paint(base_hu[brick], primitives, stations, list + first[brick],
-                       first[brick + 1] - first[brick], p, slab.edge_mm);
-  const row noisy = hu + slab.noise_hu * noise(convert_uint16(xs), (uint)y, (uint)slice, (uint)slab.seed);
-  store(convert_short16_sat_rte(clamp(noisy, -1024.0f, 3071.0f)), slab.size[0] - x,
-        out + ((size_t)z * slab.size[1] + y) * slab.size[0] + x);
+                       first[brick + 1] - first[brick], p, slab.edge_mm, true);
+  store_noisy(hu, slab, x, y, z, out);
+}
+
+/* The same for voxels that show other places: those of each row of a brick are 16 x, 16 y and 16 z. */
+kernel void phantom_slab_moved(const XrcPhantomSlab slab, global const XrcPrimitive* primitives,
+                               global const XrcStation* stations, global const float* base_hu,
+                               global const int* first, global const int* list, global const float* places_mm,
+                               global short* out) {
+  const int column = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
+  if (column >= slab.bricks_x || y >= slab.size[1] || z >= slab.size[2]) return;
+  const int brick = y / XRC_PHANTOM_BRICK * slab.bricks_x + column;
+  global const float* at = places_mm + (((size_t)z * slab.size[1] + y) * slab.bricks_x + column) * 48;
+  const row3 p = {vload16(0, at), vload16(1, at), vload16(2, at)};
+  const row hu = paint(base_hu[brick], primitives, stations, list + first[brick],
+                       first[brick + 1] - first[brick], p, slab.edge_mm, false);
+  store_noisy(hu, slab, column * XRC_PHANTOM_BRICK, y, z, out);
 }

@@ -7,6 +7,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/field_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"
+#include "xraycast/parametric_motion/parametric_motion.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/scan/convert.hpp"
 #include "xraycast/volume/bodily_geometry.hpp"
@@ -14,6 +15,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <iterator>
+#include <map>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -63,6 +66,20 @@ HeldScan made_phantom(const std::string& name, PhantomOptions options, const Arr
     const Phantom phantom = make_phantom(name, options);
     const DeviceUse device;
     return HeldScan(generate(phantom, *device, reported), info_of("phantom"), "phantom " + name);
+  });
+}
+
+void write_model(const HeldScan& scan, const PathArgument& path, std::optional<double> breath_mm, bool heart,
+                 const PathArgument& heart_mask, double spacing_mm, const ProgressArgument& progress) {
+  const std::filesystem::path folder = path_of(path);
+  ParametricMotionRequest request{breath_mm, heart || !heart_mask.is_none(), {}, spacing_mm};
+  if (!heart_mask.is_none()) request.heart_mask = path_of(heart_mask);
+  run_job(progress, [&](Progress& reported) {
+    const ParametricMotion motion = parametric_motion(*scan.volume(), request, scan.source(), reported);
+    std::error_code error;
+    std::filesystem::create_directories(folder, error);
+    if (error) throw InputError("{}: cannot be created: {}", folder.string(), error.message());
+    write_motion(motion.modes, folder, reported);
   });
 }
 
@@ -265,6 +282,14 @@ void add_scan(nb::module_& module) {
           "What to check in the scan, such as uneven slice spacing.")
       .def("write", write_scan, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
            "Writes .nrrd, .nii, .nii.gz, .mha or .mhd.")
+      .def("write_motion", write_model, nb::arg("folder"), nb::kw_only(), nb::arg("breath_mm") = nb::none(),
+           nb::arg("heart") = false, nb::arg("heart_mask") = nb::none(), nb::arg("spacing_mm") = 4.0,
+           nb::arg("progress") = nb::none(),
+           "Writes a model of how the body breathes and its heart beats, motion.json and its fields, as "
+           "`xraycast motion` does.\n\n"
+           "breath_mm: the diaphragm's excursion; 12 is usual.  heart: it beats, where it is found.\n"
+           "heart_mask: a file on the scan's grid, above zero in the heart that beats.\n"
+           "spacing_mm: between the nodes of the fields.")
       .def_prop_ro("_file", file_of)
       .def_prop_ro("_description",
                    [](const HeldScan& s) {
@@ -330,16 +355,25 @@ void add_scan(nb::module_& module) {
   module.def(
       "phantom",
       [](const std::string& name, const ArrayArgument& size, std::optional<double> spacing_mm,
-         std::optional<double> noise_hu, bool table, std::uint32_t seed, const ProgressArgument& progress) {
+         std::optional<double> noise_hu, bool table, std::uint32_t seed, bool coronaries,
+         std::map<std::string, double> phase, const ProgressArgument& progress) {
         return made_phantom(name,
-                            {.spacing_mm = spacing_mm, .noise_hu = noise_hu, .table = table, .seed = seed},
+                            {.spacing_mm = spacing_mm,
+                             .noise_hu = noise_hu,
+                             .table = table,
+                             .coronaries = coronaries,
+                             .phase = std::move(phase),
+                             .seed = seed},
                             size, progress);
       },
       nb::arg("name"), nb::kw_only(), nb::arg("size") = nb::none(), nb::arg("spacing_mm") = nb::none(),
       nb::arg("noise_hu") = nb::none(), nb::arg("table") = false, nb::arg("seed") = 1,
-      nb::arg("progress") = nb::none(),
+      nb::arg("coronaries") = false, nb::arg("phase") = nb::dict(), nb::arg("progress") = nb::none(),
       "A synthetic CT scan of known anatomy: thorax, head, abdomen, cylinder, sphere, box or shepp-logan.\n\n"
-      "size: voxels (x, y, z).");
+      "size: voxels (x, y, z).  coronaries: of the thorax.\n"
+      "phase: of its movements, 0 to 1, such as {'breath': 1, 'heart': 0.4} of the thorax or {'turn': 1} of "
+      "the "
+      "head.");
 }
 
 }  // namespace xraycast::python

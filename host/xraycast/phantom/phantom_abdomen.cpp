@@ -36,9 +36,9 @@ void hilum_and_pancreas(PhantomScene& scene) {
 
 }  // namespace
 
-PhantomBody make_abdomen(bool table) {
+PhantomBody make_abdomen(const PhantomOptions& options) {
   PhantomScene scene(kAir_hu);
-  if (table) paint_table(scene);
+  if (options.table) paint_table(scene);
   paint_soft_tissue(scene, portal_phase());
   hilum_and_pancreas(scene);
   paint_airways_and_bones(scene);

@@ -7,11 +7,13 @@
 
 namespace xraycast {
 
-/// The shapes of a phantom, the courses of its vessels, and the parts that have masks of their own.
+/// The shapes of a phantom, the courses of its vessels, the parts that have masks of their own, and how it
+/// can move.
 struct PhantomBody {
   PhantomScene scene;
   std::vector<VesselBranch> vessels = {};
   std::vector<PhantomPart> parts = {};
+  std::vector<PhantomMode> modes = {};
 };
 
 PhantomBody make_cylinder();
@@ -19,8 +21,8 @@ PhantomBody make_sphere();
 PhantomBody make_box();
 PhantomBody make_shepp_logan();
 
-PhantomBody make_thorax(bool table);
-PhantomBody make_head(bool table);
-PhantomBody make_abdomen(bool table);
+PhantomBody make_thorax(const PhantomOptions& options);
+PhantomBody make_head(const PhantomOptions& options);
+PhantomBody make_abdomen(const PhantomOptions& options);
 
 }  // namespace xraycast

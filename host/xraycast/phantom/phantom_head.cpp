@@ -1,4 +1,6 @@
+#include "xraycast/motion/monotone_profile.hpp"
 #include "xraycast/phantom/phantom_bodies.hpp"
+#include "xraycast/phantom/phantom_modes.hpp"
 #include "xraycast/phantom/phantom_tissue.hpp"
 #include "xraycast/phantom/phantom_vessels.hpp"
 
@@ -363,9 +365,28 @@ void head_rest(PhantomScene& scene) {
 
 }  // namespace
 
-PhantomBody make_head(bool table) {
+PhantomMode turn_mode() {
+  PhantomMode mode{.name = "turn", .period_s = 8, .keys = {0, 1}};
+  mode.share = [](double phase) { return phase; };
+  mode.lower_mm = {-125, -300, -130};
+  mode.upper_mm = {125, 112, 500};
+  // The atlas turns about the dens, with the head; the vertebrae below share the rest among them. Skin slides
+  // on the headrest.
+  mode.displacement_mm = [share = MonotoneProfile({{-130, 0}, {-100, 0.12}, {-62, 0.45}, {-44, 1}}),
+                          upper = mode.upper_mm](const glm::dvec3& x) -> glm::dvec3 {
+    constexpr double kTurn_rad = 0.05, kDens_mm = 9, kSkull_mm = 99, kEars_mm = 85;
+    const double turn = -kTurn_rad * share(x.z), y = x.y - kDens_mm;
+    const double slide = (1 - glm::smoothstep(kSkull_mm, upper.y, x.y)) *
+                         (1 - glm::smoothstep(kEars_mm, upper.x, std::abs(x.x)));
+    return slide * glm::dvec3((std::cos(turn) - 1) * x.x - std::sin(turn) * y,
+                              std::sin(turn) * x.x + (std::cos(turn) - 1) * y, 0);
+  };
+  return mode;
+}
+
+PhantomBody make_head(const PhantomOptions& options) {
   PhantomScene scene(kAir_hu);
-  if (table) head_rest(scene);
+  if (options.table) head_rest(scene);
   soft_tissue(scene);
   cranium(scene);
   brain(scene);
@@ -389,7 +410,7 @@ PhantomBody make_head(bool table) {
   std::vector<VesselBranch> arteries = grow_vessels(vessel_courses("head_vessels"));
   scene.paint(kContrast_hu);
   for (const VesselBranch& artery : arteries) scene.tube(artery.points);
-  return {std::move(scene), std::move(arteries)};
+  return {std::move(scene), std::move(arteries), {}, {turn_mode()}};
 }
 
 }  // namespace xraycast

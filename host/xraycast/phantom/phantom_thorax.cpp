@@ -1,4 +1,5 @@
 #include "xraycast/phantom/phantom_bodies.hpp"
+#include "xraycast/phantom/phantom_modes.hpp"
 #include "xraycast/phantom/phantom_trunk.hpp"
 
 #include <glm/geometric.hpp>
@@ -172,18 +173,20 @@ void great_veins(PhantomScene& scene) {
 
 }  // namespace
 
-PhantomBody make_thorax(bool table) {
+PhantomBody make_thorax(const PhantomOptions& options) {
   PhantomScene scene(kAir_hu);
-  if (table) paint_table(scene);
+  if (options.table) paint_table(scene);
   paint_soft_tissue(scene, {});
   great_veins(scene);
   paint_airways_and_bones(scene);
   for (const double side : kSides) shoulder(scene, side);
   pelvis(scene);
-  std::vector<VesselBranch> arteries = grow_vessels(vessel_courses("thorax_vessels"));
+  std::vector<VesselCourse> courses = vessel_courses("thorax_vessels");
+  if (options.coronaries) courses = vessel_courses("thorax_coronaries", std::move(courses));
+  std::vector<VesselBranch> arteries = grow_vessels(courses);
   scene.paint(kContrast_hu);
   for (const VesselBranch& artery : arteries) scene.tube(artery.points);
-  return {std::move(scene), std::move(arteries)};
+  return {std::move(scene), std::move(arteries), {}, {breath_mode(), heart_mode()}};
 }
 
 }  // namespace xraycast

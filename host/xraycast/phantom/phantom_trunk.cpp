@@ -37,25 +37,6 @@ Loft trunk() {
           2.35};
 }
 
-/// The mid-surface of the ribs.
-Loft cage() {
-  return {{{-110, 0, 4, 122, 84},
-           {-60, 0, 4, 134, 92},
-           {-20, 0, 4, 141, 97},
-           {30, 0, 4, 146, 100},
-           {80, 0, 4, 147, 100},
-           {130, 0, 6, 142, 97},
-           {170, 0, 9, 131, 89},
-           {205, 0, 13, 116, 77},
-           {232, 0, 17, 98, 64},
-           {252, 0, 21, 84, 53},
-           {264, 0, 24, 73, 47},
-           {273, 0, 26, 62, 40},
-           {280, 0, 27, 47, 31},
-           {284, 0, 27, 30, 21}},
-          2.2};
-}
-
 /// The mediastinum.
 Loft mediastinum() {
   return {{{-20, 2, -12, 34, 82},
@@ -120,7 +101,7 @@ void body_wall(PhantomScene& scene) {
 
 void lungs(PhantomScene& scene) {
   scene.paint(kLung_hu);
-  scene.loft(cage().inset(7, 7).between(-18, 283));
+  scene.loft(rib_cage().inset(7, 7).between(-18, 283));
   scene.paint(kBlood_hu);
   scene.loft(mediastinum());
 }
@@ -427,7 +408,7 @@ void costal_cartilage(PhantomScene& scene, const Loft& surface, const glm::dvec3
 }
 
 void ribs(PhantomScene& scene) {
-  const Loft surface = cage();
+  const Loft surface = rib_cage();
   const std::vector<Vertebra> all = vertebrae();
   for (std::size_t i = 0; i < 12; ++i)
     for (const double side : kSides) {
@@ -441,7 +422,7 @@ void ribs(PhantomScene& scene) {
 }
 
 void sternum(PhantomScene& scene) {
-  const Loft surface = cage();
+  const Loft surface = rib_cage();
   const auto at = [&](double x, double z) {
     const Loft::Section s = surface.at(z);
     return glm::dvec3(x, s.y_mm - s.b_mm, z);
@@ -460,6 +441,24 @@ void sternum(PhantomScene& scene) {
 }
 
 }  // namespace
+
+Loft rib_cage() {
+  return {{{-110, 0, 4, 122, 84},
+           {-60, 0, 4, 134, 92},
+           {-20, 0, 4, 141, 97},
+           {30, 0, 4, 146, 100},
+           {80, 0, 4, 147, 100},
+           {130, 0, 6, 142, 97},
+           {170, 0, 9, 131, 89},
+           {205, 0, 13, 116, 77},
+           {232, 0, 17, 98, 64},
+           {252, 0, 21, 84, 53},
+           {264, 0, 24, 73, 47},
+           {273, 0, 26, 62, 40},
+           {280, 0, 27, 47, 31},
+           {284, 0, 27, 30, 21}},
+          2.2};
+}
 
 Loft spine_curve() {
   return {{{-330, 0, 58, 1, 1},

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <iterator>
 #include <set>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -80,10 +81,10 @@ std::vector<VesselPoint> smooth_curve(std::span<const VesselPoint> controls, dou
   return curve;
 }
 
-std::vector<VesselCourse> vessel_courses(const std::string& file) {
+std::vector<VesselCourse> vessel_courses(const std::string& file, std::vector<VesselCourse> earlier) {
   const auto embedded = std::ranges::find(embedded_phantoms(), file, &EmbeddedFile::name);
   assert(embedded != embedded_phantoms().end());
-  std::vector<VesselCourse> courses;
+  std::vector<VesselCourse> courses = std::move(earlier);
   const auto index_of = [&](const std::string& name) {
     const auto found = std::ranges::find(courses, name, &VesselCourse::name);
     assert(found != courses.end());

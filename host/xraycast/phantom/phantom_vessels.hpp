@@ -24,7 +24,9 @@ struct VesselCourse {
 /// The courses in a file of phantom/data/, parents before their children:
 /// {"vessels": [{"name", "parent" (a name; none for the root), "leaves_at", "first_radius", "points":
 /// [[x, y, z, radius], ...]}, ...]}, in LPS millimetres.
-std::vector<VesselCourse> vessel_courses(const std::string& file);
+///
+/// They follow `earlier`, those of another file, on which their parents may be.
+std::vector<VesselCourse> vessel_courses(const std::string& file, std::vector<VesselCourse> earlier = {});
 
 /// The tree of vessels with these courses, ready for VesselTree's constructor: every vessel is cut into
 /// branches at the control points where others leave it, and begins exactly on its parent. Branches are in

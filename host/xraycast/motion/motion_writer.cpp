@@ -1,0 +1,46 @@
+#include "xraycast/motion/motion_writer.hpp"
+
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/image_file/write_volume.hpp"
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace xraycast {
+
+void write_motion(const std::vector<ScaledMode>& modes, const std::filesystem::path& folder,
+                  Progress& progress) {
+  using Json = nlohmann::ordered_json;
+  std::int64_t keys = 0;
+  for (const ScaledMode& mode : modes) keys += std::ssize(mode.keys);
+  progress.begin("writing the motion", keys, "fields");
+  OutputSet outputs;
+  Json described = Json::array();
+  for (const ScaledMode& mode : modes) {
+    Json phases = Json::array();
+    for (const auto& [phase, share] : mode.keys) {
+      progress.advance();
+      if (share == 0) {
+        phases.push_back({{"phase", phase}});
+        continue;
+      }
+      std::vector<glm::vec3> field_mm = mode.field_mm;
+      for (glm::vec3& d : field_mm) d *= static_cast<float>(share);
+      const std::string file = fmt::format("{}_{:g}.nrrd", mode.name, phase);
+      write_vectors(mode.nodes, field_mm, folder / file);
+      phases.push_back({{"phase", phase}, {"field", file}});
+    }
+    Json one{{"name", mode.name}};
+    if (mode.waveform.empty())
+      one["period_s"] = mode.period_s;
+    else
+      one["waveform"] = mode.waveform;
+    one["phases"] = phases;
+    described.push_back(one);
+  }
+  write_whole_file(folder / "motion.json", Json{{"version", 1}, {"modes", described}}.dump(1) + "\n");
+  outputs.commit();
+}
+
+}  // namespace xraycast
