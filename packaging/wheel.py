@@ -4,6 +4,7 @@ What the module needs is bundled by auditwheel and patchelf, with the texts of a
 wheel_licences.txt, and must be one that the wheel can be passed on under: not the GPL.
 """
 import importlib.metadata
+import json
 import os
 import pathlib
 import re
@@ -11,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import urllib.parse
 import zipfile
 
 PLATFORM = "manylinux_2_36_x86_64"
@@ -226,6 +228,18 @@ def add_licences(libraries, system):
     licences.write()
 
 
+def complete_sbom(file, packages):
+    """Adds packages that auditwheel did not find: dpkg knows files of /lib by that name only."""
+    sbom = json.loads(file.read_text())
+    for package in sorted(set(packages) - {component["name"] for component in sbom["components"]}):
+        version = run("dpkg-query", "-W", "-f=${Version}", package)
+        purl = f"pkg:deb/debian/{package}@{urllib.parse.quote(version)}"
+        sbom["components"].append({"type": "library", "bom-ref": purl, "name": package, "version": version, "purl": purl})
+        sbom["dependencies"].append({"ref": purl})
+        sbom["dependencies"][0].setdefault("dependsOn", []).append(purl)
+    file.write_text(json.dumps(sbom))
+
+
 def check_needs(library, names, bundled):
     """`names` are bundled, or part of any Linux; none is under the GPL and makes what is linked to it so."""
     base = re.compile(r"(ld-linux-x86-64|lib(c|m|dl|rt|pthread|gcc_s|stdc\+\+|z))\.so\.\d+$")
@@ -254,7 +268,10 @@ def repaired(wheel, folder):
         bundled = {path.name for path in root.rglob("*.so*")}
         for library in root.rglob("*.so*"):
             check_needs(library.name, needed(library), bundled)
-        add_licences(libraries, system_libraries())
+        system = system_libraries()
+        sbom, = root.glob("*.dist-info/sboms/*.json")
+        complete_sbom(sbom, {package_of(original_of(path, system)) for path in libraries.iterdir()})
+        add_licences(libraries, system)
         folder.mkdir(parents=True, exist_ok=True)
         run(sys.executable, "-m", "wheel", "pack", "-d", scratch, root)
         packed, = scratch.glob("*.whl")
