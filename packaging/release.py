@@ -114,8 +114,10 @@ def sbom_of_packages(debs, version):
     if missing := sorted(names_needed(depends) - components(sbom)):
         raise Refused(f"{', '.join(missing)}: not installed here, where the SBOM is made; apt-get install it")
     for component in sbom["components"]:
-        if component["name"] in own:
+        if component["name"] in own | {"xraycast-release"}:  # which are not in Debian's archive
             component["licenses"] = [{"license": {"id": "Apache-2.0"}}]
+            component["purl"] = f"pkg:generic/{component['name']}@{version}"
+            component.pop("cpe", None)
     return sbom
 
 

@@ -13,6 +13,7 @@ void add_left_out(CLI::App& app, Invocation& invocation, const char* name, const
   };
   add_command(app, invocation, name, fmt::format("In Debian's package: {} is left out here", what),
               fmt::format("  xraycast {} map.exr --vessels vessels", name), refuse)
+      ->fallthrough(false)  // else the program would look at them
       ->allow_extras();
 }
 

@@ -155,6 +155,7 @@ class Made(unittest.TestCase):
             self.assertIn(name, found)
         self.assertEqual(found["xraycast"]["version"], MADE.name)
         self.assertEqual(found["xraycast"]["licenses"], [{"license": {"id": "Apache-2.0"}}])
+        self.assertEqual(found["xraycast"]["purl"], f"pkg:generic/xraycast@{MADE.name}")
         self.assertRegex(found["libopenvdb10.0"]["purl"], r"^pkg:deb/debian/libopenvdb10\.0@10")
 
     def test_sbom_of_a_wheel_names_what_it_bundles(self):

@@ -25,7 +25,8 @@ within bash -c 'cd /root && python3 -m venv venv && venv/bin/pip install --quiet
 # Debian's Python brings expat, but not every Python does.
 packages=/root/venv/lib/python3*/site-packages
 within bash -c "test -s $packages/xraycast.libs/libexpat-*.so.1* && test -s $packages/xraycast.libs/libX11-*.so.6*"
-if within bash -c "grep -lE 'lib(expat|X11|Xext|Xrender)\\.so' $packages/xraycast/*.so $packages/xraycast/bin/xraycast $packages/xraycast.libs/*.so*"; then
+if within bash -c "readelf -d $packages/xraycast/*.so $packages/xraycast/bin/xraycast $packages/xraycast.libs/*.so* |
+  grep -E 'NEEDED.*lib(expat|X11|Xext|Xrender)\\.so'"; then
   echo "the libraries above need one of the system's" >&2
   exit 1
 fi
