@@ -123,8 +123,8 @@ INSTANTIATE_TEST_SUITE_P(, HeldPhantom,
 TEST_P(HeldPhantom, NeitherFoldsNorTears) {
   for (const glm::dvec3& p : random_places(40000)) {
     const double growth = motion_.gradient(p).determinant();
-    // A fold has 0. Blood leaves the ventricles, which shrink to four tenths.
-    ASSERT_GT(growth, 0.3) << p.x << ' ' << p.y << ' ' << p.z;
+    // A fold has 0. Blood leaves the ventricles, and what lies behind the left atrium makes room.
+    ASSERT_GT(growth, 0.25) << p.x << ' ' << p.y << ' ' << p.z;
     ASSERT_LT(growth, 3.5) << p.x << ' ' << p.y << ' ' << p.z;
     // A tear would be a jump: over a tenth of a millimetre nothing moves by half of one.
     const glm::dvec3 step(0.06, -0.06, 0.06);
@@ -318,9 +318,9 @@ TEST(Heart, WallThickensInwards) {
 TEST(Heart, LeavesChestWallAndSpineInPlace) {
   const Phases systole{{"heart", kEndOfSystole}};
   for (const glm::dvec3& p : {glm::dvec3(0, -95, 100), glm::dvec3(40, -92, 90), glm::dvec3(0, 43, 100),
-                              glm::dvec3(27, 25, 100), glm::dvec3(-63, 2, 60)})
-    // Less than is seen in a picture.
-    EXPECT_LT(glm::length(shift_of(systole, p)), 0.3) << p.x << ' ' << p.y << ' ' << p.z;
+                              glm::dvec3(27, 25, 100), glm::dvec3(24, 14, 100), glm::dvec3(-63, 2, 60)})
+    // Less than is seen in a picture; the last but one is the aorta's wall behind the heart.
+    EXPECT_LT(glm::length(shift_of(systole, p)), 0.5) << p.x << ' ' << p.y << ' ' << p.z;
 }
 
 // ---- coronary arteries ----------------------------------------------------------------------------
