@@ -1,9 +1,9 @@
 #include "body.hpp"
 
+#include "calls/job.hpp"
 #include "drawing.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
-#include "job.hpp"
 #include "motion.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"

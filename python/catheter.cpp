@@ -1,6 +1,6 @@
-#include "job.hpp"
+#include "calls/job.hpp"
+#include "calls/values.hpp"
 #include "run.hpp"
-#include "values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 

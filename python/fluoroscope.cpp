@@ -1,6 +1,6 @@
 #include "fluoroscope.hpp"
 
-#include "values.hpp"
+#include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <fmt/format.h>

@@ -1,7 +1,7 @@
 #include "motion.hpp"
 
-#include "job.hpp"
-#include "values.hpp"
+#include "calls/job.hpp"
+#include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/motion/moved_scan.hpp"
 

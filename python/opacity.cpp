@@ -1,6 +1,6 @@
 #include "opacity.hpp"
 
-#include "values.hpp"
+#include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <nanobind/stl/filesystem.h>

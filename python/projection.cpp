@@ -1,6 +1,6 @@
+#include "calls/job.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
-#include "job.hpp"
 #include "motion.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
@@ -130,8 +130,8 @@ void add_projection(nb::class_<HeldScan>& scan) {
          const OpacityArgument& opacity, bool gradient, nb::object vessels, nb::object devices,
          double contrast_mg_ml, const nb::object& fluoroscope, const nb::object& motion,
          const nb::object& phase, const nb::object& time, const nb::object& progress) {
-        return with_motion(self, motion_request_of(motion, phase, time), progress, [&](HeldScan& scan) {
-          return project_scan(scan, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
+        return with_motion(self, motion_request_of(motion, phase, time), progress, [&](HeldScan& taken) {
+          return project_scan(taken, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
                               gradient, {vessels, devices, contrast_mg_ml}, fluoroscope, progress);
         });
       },

@@ -1,7 +1,7 @@
 #include "run.hpp"
 
-#include "job.hpp"
-#include "values.hpp"
+#include "calls/job.hpp"
+#include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/reports/hub_plot.hpp"

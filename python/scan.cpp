@@ -1,8 +1,8 @@
 #include "scan.hpp"
 
-#include "job.hpp"
+#include "calls/job.hpp"
+#include "calls/values.hpp"
 #include "motion.hpp"
-#include "values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/field_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"

@@ -1,6 +1,6 @@
 #include "scene.hpp"
 
-#include "values.hpp"
+#include "calls/values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/scene/catheter_surface.hpp"

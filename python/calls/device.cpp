@@ -1,6 +1,6 @@
-#include "device.hpp"
+#include "calls/device.hpp"
 
-#include "owning_process.hpp"
+#include "calls/owning_process.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/opencl/kernel_cache.hpp"
 
