@@ -111,7 +111,8 @@ class MovedSource final : public SliceSource {
         motion_(std::move(motion)),
         hu_range_(hu_range),
         volume_(scan_->geometry()),
-        last_(glm::dvec3(volume_.size) - 1.0) {}
+        last_(glm::dvec3(volume_.size) - 1.0),
+        per_mm_(1.0 / volume_.spacing_mm) {}
 
   const VolumeGeometry& geometry() const override { return volume_; }
   HuRange hu_range() const override { return hu_range_; }
@@ -139,7 +140,8 @@ class MovedSource final : public SliceSource {
     std::vector<glm::dvec3> places_mm(static_cast<std::size_t>(volume_.size.x));
     for (std::size_t x = 0; x < places_mm.size(); ++x) places_mm[x] = volume_.to_world_mm({x, y, z});
     motion_.displace(places_mm);
-    for (std::size_t x = 0; x < places_mm.size(); ++x) out[x] = hu_at(volume_.to_index(places_mm[x]));
+    for (std::size_t x = 0; x < places_mm.size(); ++x)
+      out[x] = hu_at((places_mm[x] - volume_.origin_mm) * per_mm_);
   }
 
   std::int16_t hu_at(glm::dvec3 index) const {
@@ -168,7 +170,8 @@ class MovedSource final : public SliceSource {
   HeldMotion motion_;
   HuRange hu_range_;
   VolumeGeometry volume_;
-  glm::dvec3 last_;  ///< voxel
+  glm::dvec3 last_;    ///< voxel
+  glm::dvec3 per_mm_;  ///< voxels; divisions would take as long as all else
   std::int64_t next_ = 0;
 };
 
