@@ -171,7 +171,7 @@ class MovedSource final : public SliceSource {
   HuRange hu_range_;
   VolumeGeometry volume_;
   glm::dvec3 last_;    ///< voxel
-  glm::dvec3 per_mm_;  ///< voxels; divisions would take as long as all else
+  glm::dvec3 per_mm_;  ///< voxels
   std::int64_t next_ = 0;
 };
 
