@@ -1,10 +1,10 @@
 #include "body.hpp"
 
-#include "arguments.hpp"
+#include "calls/arguments.hpp"
+#include "calls/job.hpp"
 #include "drawing.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
-#include "job.hpp"
 #include "motion.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"

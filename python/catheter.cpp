@@ -1,7 +1,7 @@
-#include "arguments.hpp"
-#include "job.hpp"
+#include "calls/arguments.hpp"
+#include "calls/job.hpp"
+#include "calls/values.hpp"
 #include "run.hpp"
-#include "values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 

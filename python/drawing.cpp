@@ -1,6 +1,6 @@
 #include "drawing.hpp"
 
-#include "owning_process.hpp"
+#include "calls/owning_process.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"

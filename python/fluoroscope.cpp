@@ -1,7 +1,7 @@
 #include "fluoroscope.hpp"
 
-#include "arguments.hpp"
-#include "values.hpp"
+#include "calls/arguments.hpp"
+#include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <fmt/format.h>

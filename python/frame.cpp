@@ -1,6 +1,6 @@
 #include "frame.hpp"
 
-#include "arguments.hpp"
+#include "calls/arguments.hpp"
 #include "scene.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/base/error.hpp"

@@ -1,8 +1,8 @@
 #include "motion.hpp"
 
-#include "arguments.hpp"
-#include "job.hpp"
-#include "values.hpp"
+#include "calls/arguments.hpp"
+#include "calls/job.hpp"
+#include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/motion/moved_scan.hpp"
 

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "job.hpp"
+#include "calls/job.hpp"
+#include "calls/values.hpp"
 #include "scan.hpp"
-#include "values.hpp"
 #include "xraycast/motion/motion_request.hpp"
 
 #include <nanobind/nanobind.h>

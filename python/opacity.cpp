@@ -1,7 +1,7 @@
 #include "opacity.hpp"
 
-#include "arguments.hpp"
-#include "values.hpp"
+#include "calls/arguments.hpp"
+#include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <nanobind/stl/filesystem.h>

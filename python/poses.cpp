@@ -1,6 +1,6 @@
 #include "poses.hpp"
 
-#include "job.hpp"
+#include "calls/job.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <glm/matrix.hpp>

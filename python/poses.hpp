@@ -1,6 +1,6 @@
 #pragma once
 
-#include "values.hpp"
+#include "calls/values.hpp"
 #include "xraycast/casting/pinhole_camera.hpp"
 #include "xraycast/casting/view.hpp"
 

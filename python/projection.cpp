@@ -1,7 +1,7 @@
-#include "arguments.hpp"
+#include "calls/arguments.hpp"
+#include "calls/job.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
-#include "job.hpp"
 #include "motion.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
@@ -132,8 +132,8 @@ void add_projection(nb::class_<HeldScan>& scan) {
          const VesselsArgument& vessels, const InstrumentsArgument& instruments, double contrast_mg_ml,
          const FluoroscopeArgument& fluoroscope, const PathArgument& motion, const PhaseArgument& phase,
          const TimeArgument& time, const ProgressArgument& progress) {
-        return with_motion(self, motion_request_of(motion, phase, time), progress, [&](HeldScan& scan) {
-          return project_scan(scan, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
+        return with_motion(self, motion_request_of(motion, phase, time), progress, [&](HeldScan& taken) {
+          return project_scan(taken, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
                               gradient, {vessels, instruments, contrast_mg_ml}, fluoroscope, progress);
         });
       },

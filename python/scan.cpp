@@ -1,9 +1,9 @@
 #include "scan.hpp"
 
-#include "arguments.hpp"
-#include "job.hpp"
+#include "calls/arguments.hpp"
+#include "calls/job.hpp"
+#include "calls/values.hpp"
 #include "motion.hpp"
-#include "values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/field_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"

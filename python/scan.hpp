@@ -1,6 +1,6 @@
 #pragma once
 
-#include "device.hpp"
+#include "calls/device.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/volume/body_outline.hpp"

@@ -1,7 +1,7 @@
 #include "scene.hpp"
 
-#include "arguments.hpp"
-#include "values.hpp"
+#include "calls/arguments.hpp"
+#include "calls/values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/scene/catheter_surface.hpp"

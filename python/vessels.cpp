@@ -1,9 +1,9 @@
 #include "vessels.hpp"
 
-#include "arguments.hpp"
-#include "job.hpp"
+#include "calls/arguments.hpp"
+#include "calls/job.hpp"
+#include "calls/values.hpp"
 #include "scan.hpp"
-#include "values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/reports/vessel_report.hpp"
 #include "xraycast/segmentation/vessels.hpp"

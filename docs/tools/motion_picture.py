@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 """usage: motion_picture.py PROGRAM OUTPUT.jpg
 
-Makes docs/images/motion.jpg: the thorax phantom at three phases of a breath, made by a field of 16 mm at the diaphragm that
-fades towards the neck and the spine, and what has changed from the first phase to the last.
+Makes docs/images/motion.jpg: the thorax phantom at three phases of a breath, made by a field of 20 mm at the diaphragm that
+fades towards neck, spine and pelvis, and what has changed from the first phase to the last.
 """
 import json
 import pathlib
@@ -13,7 +13,8 @@ import tempfile
 import numpy as np
 from PIL import Image
 
-STEP_MM, DIAPHRAGM_MM, CHEST_MM = 8, 16, 6
+STEP_MM, DIAPHRAGM_MM, CHEST_MM = 8, 20, 6
+ROWS, COLUMNS = slice(30, 300), slice(90, 310)
 
 
 def run(*words):
@@ -31,9 +32,9 @@ def write_field(path, volume):
     nodes = np.ceil(extent / STEP_MM).astype(int) + 1
     z, y, x = np.meshgrid(*(np.linspace(0, 1, n) for n in nodes[::-1]), indexing="ij")
     d = np.zeros((*z.shape, 3), "<f4")
-    from_neck, in_front = smooth((0.95 - z) / 0.6), smooth((0.75 - y) / 0.5)
-    d[..., 2] = DIAPHRAGM_MM * from_neck * (0.35 + 0.65 * in_front)
-    d[..., 1] = CHEST_MM * from_neck * in_front
+    along, in_front = smooth((0.95 - z) / 0.4) * smooth(z / 0.45), smooth((0.8 - y) / 0.4)
+    d[..., 2] = DIAPHRAGM_MM * along * in_front
+    d[..., 1] = CHEST_MM * along * in_front
     step = extent / (nodes - 1)
     header = ("NRRD0005\ntype: float\ndimension: 4\nspace: left-posterior-superior\nsizes: 3 {} {} {}\n"
               "space directions: none ({},0,0) (0,{},0) (0,0,{})\nkinds: vector domain domain domain\nendian: little\n"
@@ -45,7 +46,7 @@ def main(program, output):
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         scan, motion = folder / "thorax.nrrd", folder / "motion.json"
-        run(program, "phantom", "thorax", "-o", scan)
+        run(program, "phantom", "thorax", "--spacing", "1.5", "-o", scan)
         write_field(folder / "inhaled.nrrd", json.loads(run(program, "info", scan, "--json"))["volume"])
         motion.write_text(json.dumps({"version": 1, "modes": [{"name": "breath", "period_s": 4, "phases": [
             {"phase": 0}, {"phase": 1, "field": "inhaled.nrrd"}]}]}))
@@ -58,7 +59,7 @@ def main(program, output):
             depths.append(np.asarray(Image.open(folder / "p.tif")))
         change = depths[2] - depths[0]
         pictures.append(np.clip(128 + 127 * change / np.percentile(np.abs(change), 99), 0, 255).astype(np.uint8))
-        Image.fromarray(np.hstack(pictures)).save(output, quality=88)
+        Image.fromarray(np.hstack([picture[ROWS, COLUMNS] for picture in pictures])).save(output, quality=88)
 
 
 main(*sys.argv[1:])

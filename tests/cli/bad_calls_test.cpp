@@ -1,5 +1,6 @@
 // What the program says of bad calls and of missing drivers.
 #include "cli/cli_fixture.hpp"
+#include "xraycast/image_file/vector_image.hpp"
 
 namespace xraycast::cli_test {
 namespace {
@@ -20,7 +21,36 @@ DicomFile slice() { return {8, 8, std::vector<std::int16_t>(64)}; }
   "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr " \
   "--cine @/c.gif --look dsa"
 
+/// A breath by a field of 8 mm on a cube of 40 mm that starts at a corner.
+void write_motion(const TemporaryFolder& folder, const glm::dvec3& corner_mm, const char* period_s = "4") {
+  write_vector_image({{{3, 3, 3}, corner_mm, glm::dmat3(20)}, std::vector<glm::vec3>(27, {0, 0, 8})},
+                     folder / "f.nrrd");
+  write_bytes(folder / "m.json", fmt::format(R"({{"version": 1, "modes": [{{"name": "breath", "period_s": {},
+      "phases": [{{"phase": 0}}, {{"phase": 1, "field": "f.nrrd"}}]}}]}})",
+                                             period_s));
+}
+void write_fitting_motion(const TemporaryFolder& folder) { write_motion(folder, glm::dvec3(-20)); }
+
 const BadCall kBadCalls[] = {
+    // Motion.
+    {"MotionAtNoInstant", "project @/ct.nii -o @/p.png --motion @/m.json", 3,
+     "at which instant? Give --phase or --time", write_fitting_motion},
+    {"MotionAtTwoInstants", "cast @/ct.nii -o @/c.exr --motion @/m.json --phase breath=1 --time 2", 3,
+     "--phase and --time name two instants", write_fitting_motion},
+    {"MotionIsMissing", "convert @/ct.nii -o @/c.nrrd --phase breath=1", 2, "--phase requires --motion"},
+    {"MotionOfAPhaseTwice", "project @/ct.nii -o @/p.png --motion @/m.json --phase breath=1 --phase breath=0",
+     3, "--phase breath=0: breath is given twice", write_fitting_motion},
+    {"MotionOfAnotherMode", "project @/ct.nii -o @/p.png --motion @/m.json --phase heart=1", 3,
+     "has no such mode; choose one of breath", write_fitting_motion},
+    {"MotionBeyondItsPhases", "convert @/ct.nii -o @/c.nrrd --motion @/m.json --phase breath=1.5", 3,
+     "--phase breath=1.5: must be 0 to 1", write_fitting_motion},
+    {"MotionOfAPeriodOfZero", "project @/ct.nii -o @/p.png --motion @/m.json --time 1", 3,
+     "mode breath: period_s is 0; it must be above 0",
+     [](const TemporaryFolder& f) { write_motion(f, glm::dvec3(-20), "0"); }},
+    {"MotionOfAnotherFrame", "convert @/ct.nii -o @/c.nrrd --motion @/m.json --phase breath=1", 3,
+     "its displacements lie elsewhere than the body",
+     [](const TemporaryFolder& f) { write_motion(f, glm::dvec3(500)); }},
+
     // Vessels. The little scan is 4 slices of water.
     {"SegmentFewSlices", "segment @/ct.nii -o @/v", 3, "4 slices, too few"},
     {"SegmentNothingBright", "segment @/a.nii -o @/v", 3, "no vessel: all voxels have about 0 HU",

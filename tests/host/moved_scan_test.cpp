@@ -146,6 +146,13 @@ TEST(MovedScan, RefusesFieldsThatEndWithinTheBodyWhereItMoves) {
   EXPECT_EQ(refusal(field_between({-60, -60, -10}, {60, 60, 120}, {0, 0, 8})), "");
 }
 
+TEST(MovedScan, TakesAFieldOfAPartThatRestsAtItsBorderWithOneOfTheWholeBody) {
+  VectorImage heart{{{5, 5, 5}, {-10, -10, 40}, glm::dmat3(5)}, std::vector<glm::vec3>(125, {0, 0, 0})};
+  heart.vectors[62] = {0, 0, 6};  // in the middle
+  const HeldMotion both({{{1, affine_displacement(glm::dmat3(1), {0, 0, 9})}}, {{1, field_of(heart, "f")}}});
+  EXPECT_EQ(refusal(both), "");
+}
+
 TEST(MovedScan, HintsAtTheSignWhereBodyComesFromBeyondTheScan) {
   // The tissue reaches both ends of 78 mm along z: 15 mm of it are beyond.
   EXPECT_THAT(

@@ -252,7 +252,8 @@ ImageHeader nrrd_header(const TextHeader& text, std::vector<std::string>& warnin
     place_by_directions(text, space, axes, domain, header, warnings);
   else
     place_by_spacings(text, axes, domain, header, warnings);
-  if (text.has("measurement frame")) header.vector_to_lps = vectors_to_lps(text, space);
+  if (header.numbers_per_voxel == 3 && text.has("measurement frame"))
+    header.vector_to_lps = vectors_to_lps(text, space);
   header.type = nrrd_type(text);
   header.is_big_endian = is_big_endian(text, header.type);
   if (!space.is_of_patient)

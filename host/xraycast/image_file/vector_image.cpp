@@ -225,7 +225,6 @@ VectorImage read_vector_image(const fs::path& path) {
   const StoredBytes stored(path.string(), file.voxels, needed_B);
   const std::int64_t vectors_B = nodes * static_cast<std::int64_t>(sizeof(glm::vec3));
   require_memory(fmt::format("the field {}", path.string()), {vectors_B, vectors_B});
-  image.vectors.reserve(static_cast<std::size_t>(nodes) + 1);  // room for one that users append
   image.vectors.resize(static_cast<std::size_t>(nodes));
   read_vectors(stored, file.header, image.vectors);
   return image;

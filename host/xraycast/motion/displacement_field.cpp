@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <mutex>
 #include <utility>
 
@@ -19,25 +18,13 @@ namespace {
 
 constexpr double kLongest_mm = 1000;
 
-/// Three numbers and a fourth that does not count, which the processor adds and multiplies at once.
-using Lanes = float __attribute__((vector_size(16)));
-
-/// Reads a number more than the vector has.
-Lanes lanes_at(const glm::vec3* vector) {
-  Lanes lanes;
-  std::memcpy(&lanes, vector, sizeof lanes);
-  return lanes;
-}
-
 class Field final : public Displacement {
  public:
   explicit Field(VectorImage image)
       : grid_(image.grid),
         to_node_(glm::inverse(image.grid.step_mm)),
         last_(glm::dvec3(image.grid.size) - 1.0),
-        d_mm_(std::move(image.vectors)) {
-    d_mm_.emplace_back(0);  // for lanes_at
-  }
+        d_mm_(std::move(image.vectors)) {}
 
   glm::dvec3 at(const glm::dvec3& x_mm) const override { return trilinear(x_mm); }
 
@@ -63,16 +50,13 @@ class Field final : public Displacement {
     const std::int64_t x = i + 1 < grid_.size.x ? 1 : 0, y = j + 1 < grid_.size.y ? grid_.size.x : 0,
                        z = k + 1 < grid_.size.z ? grid_.size.x * grid_.size.y : 0;
     const glm::vec3* at = d_mm_.data() + (k * grid_.size.y + j) * grid_.size.x + i;
-    const glm::vec3 weight(share);
     const auto along_x = [&](std::int64_t offset) {
-      const Lanes left = lanes_at(at + offset);
-      return left + weight.x * (lanes_at(at + offset + x) - left);
+      return glm::dvec3(at[offset]) + share.x * (glm::dvec3(at[offset + x]) - glm::dvec3(at[offset]));
     };
-    const Lanes front_lower = along_x(0), front_upper = along_x(z);
-    const Lanes lower = front_lower + weight.y * (along_x(y) - front_lower);
-    const Lanes upper = front_upper + weight.y * (along_x(z + y) - front_upper);
-    const Lanes d_mm = lower + weight.z * (upper - lower);
-    return {d_mm[0], d_mm[1], d_mm[2]};
+    const glm::dvec3 front_lower = along_x(0), front_upper = along_x(z);
+    const glm::dvec3 lower = front_lower + share.y * (along_x(y) - front_lower);
+    const glm::dvec3 upper = front_upper + share.y * (along_x(z + y) - front_upper);
+    return lower + share.z * (upper - lower);
   }
 
   Folds folds_of_slice(std::int64_t k) const;

@@ -89,6 +89,9 @@ class HeldMotion {
   /// Whether the displacement is known at x, of every mode.
   bool covers(const glm::dvec3& x_mm) const;
 
+  /// Of the modes that move, in order, what is summed.
+  const std::vector<std::vector<Part>>& modes() const { return modes_; }
+
   /// The place x of the moved body that shows what lies at y in the scan: where a part of the scan, a vessel
   /// or a device, goes. Solved for by fixed points and Newton's method; where the displacement folds there
   /// may be several, of which one near the guess is found, or none.

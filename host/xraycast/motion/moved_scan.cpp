@@ -102,6 +102,27 @@ Samples::Count Samples::count() const {
   return count;
 }
 
+/// Throws InputError for a displacement that lies elsewhere than the body or ends in it while it moves.
+void require_coverage(const Samples::Count& count, const VolumeGeometry& scan,
+                      const std::string& motion_name) {
+  if (count.body == 0) return;
+  const glm::dvec3 lower_mm = scan.lower_mm(), upper_mm = scan.upper_mm();
+  if (count.covered == 0)
+    throw InputError(
+        "{}: its displacements lie elsewhere than the body, which is within {:.0f} to {:.0f}, {:.0f} to "
+        "{:.0f} and "
+        "{:.0f} to {:.0f} mm (LPS); give fields in the scan's own frame",
+        motion_name, lower_mm.x, upper_mm.x, lower_mm.y, upper_mm.y, lower_mm.z, upper_mm.z);
+  constexpr double kTear_mm = 1;  // less shows as little as a voxel
+  if (count.torn_mm <= kTear_mm) return;
+  const glm::dvec3& at = count.torn_at_mm;
+  throw InputError(
+      "{}: its displacements end within the body, at {:.0f}, {:.0f}, {:.0f} mm, where they still are {:.1f} "
+      "mm "
+      "long; give fields that cover the scan or come to rest at their border",
+      motion_name, at.x, at.y, at.z, count.torn_mm);
+}
+
 // ---- slices --------------------------------------------------------------------------------------------
 
 class MovedSource final : public SliceSource {
@@ -111,7 +132,8 @@ class MovedSource final : public SliceSource {
         motion_(std::move(motion)),
         hu_range_(hu_range),
         volume_(scan_->geometry()),
-        last_(glm::dvec3(volume_.size) - 1.0) {}
+        last_(glm::dvec3(volume_.size) - 1.0),
+        per_mm_(1.0 / volume_.spacing_mm) {}
 
   const VolumeGeometry& geometry() const override { return volume_; }
   HuRange hu_range() const override { return hu_range_; }
@@ -139,7 +161,8 @@ class MovedSource final : public SliceSource {
     std::vector<glm::dvec3> places_mm(static_cast<std::size_t>(volume_.size.x));
     for (std::size_t x = 0; x < places_mm.size(); ++x) places_mm[x] = volume_.to_world_mm({x, y, z});
     motion_.displace(places_mm);
-    for (std::size_t x = 0; x < places_mm.size(); ++x) out[x] = hu_at(volume_.to_index(places_mm[x]));
+    for (std::size_t x = 0; x < places_mm.size(); ++x)
+      out[x] = hu_at((places_mm[x] - volume_.origin_mm) * per_mm_);
   }
 
   std::int16_t hu_at(glm::dvec3 index) const {
@@ -168,7 +191,8 @@ class MovedSource final : public SliceSource {
   HeldMotion motion_;
   HuRange hu_range_;
   VolumeGeometry volume_;
-  glm::dvec3 last_;  ///< voxel
+  glm::dvec3 last_;    ///< voxel
+  glm::dvec3 per_mm_;  ///< voxels
   std::int64_t next_ = 0;
 };
 
@@ -176,26 +200,14 @@ class MovedSource final : public SliceSource {
 
 std::vector<std::string> check_motion(const Volume& scan, const HeldMotion& motion,
                                       const std::string& motion_name) {
+  // Each displacement for itself: one that covers the heart alone goes with one of the whole body.
+  for (const std::vector<HeldMotion::Part>& mode : motion.modes())
+    for (const HeldMotion::Part& part : mode)
+      require_coverage(Samples(scan, HeldMotion({{part}})).count(), scan.geometry(), motion_name);
   const Samples::Count count = Samples(scan, motion).count();
-  if (count.body == 0) return {};
-  const glm::dvec3 lower_mm = scan.geometry().lower_mm(), upper_mm = scan.geometry().upper_mm();
-  if (count.covered == 0)
-    throw InputError(
-        "{}: its displacements lie elsewhere than the body, which is within {:.0f} to {:.0f}, {:.0f} to "
-        "{:.0f} and "
-        "{:.0f} to {:.0f} mm (LPS); give fields in the scan's own frame",
-        motion_name, lower_mm.x, upper_mm.x, lower_mm.y, upper_mm.y, lower_mm.z, upper_mm.z);
-  constexpr double kTear_mm = 1;  // less shows as little as a voxel
-  if (count.torn_mm > kTear_mm) {
-    const glm::dvec3& at = count.torn_at_mm;
-    throw InputError(
-        "{}: its displacements end within the body, at {:.0f}, {:.0f}, {:.0f} mm, where they still are "
-        "{:.1f} mm "
-        "long; give fields that cover the scan or come to rest at their border",
-        motion_name, at.x, at.y, at.z, count.torn_mm);
-  }
   constexpr double kMuch = 0.01;
-  const double share = static_cast<double>(count.beyond_scan) / static_cast<double>(count.body);
+  const double share =
+      static_cast<double>(count.beyond_scan) / static_cast<double>(std::max<std::int64_t>(1, count.body));
   if (share <= kMuch) return {};
   return {
       fmt::format("{:.2g} % of the body show what lies beyond the scan, which is air; if that is not meant, "

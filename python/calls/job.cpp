@@ -1,6 +1,6 @@
-#include "job.hpp"
+#include "calls/job.hpp"
 
-#include "values.hpp"
+#include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/opencl/failure_in_words.hpp"
 

@@ -1,4 +1,4 @@
-#include "values.hpp"
+#include "calls/values.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/field_names.hpp"
