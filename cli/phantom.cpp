@@ -1,6 +1,7 @@
 #include "xraycast/phantom/phantom.hpp"
 
 #include "options/command.hpp"
+#include "options/motion_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
@@ -23,22 +24,6 @@ struct PhantomArguments {
   double motion_spacing_mm = 4;
   PhantomOptions phantom;
 };
-
-/// `breath=0.3` each. Throws InputError.
-std::map<std::string, double> parse_phases(const std::vector<std::string>& texts) {
-  std::map<std::string, double> phases;
-  for (const std::string& text : texts) {
-    const std::size_t equals = text.find('=');
-    const std::vector<double> phase = equals == std::string::npos
-                                          ? std::vector<double>()
-                                          : parse_numbers(text.substr(equals + 1), "--phase");
-    if (phase.size() != 1)
-      throw InputError("--phase {}: give a movement and its phase, such as breath=0.3", excerpt(text));
-    if (!phases.emplace(text.substr(0, equals), phase[0]).second)
-      throw InputError("--phase {}: this movement has a phase already; leave one out", excerpt(text));
-  }
-  return phases;
-}
 
 void write_vessels(const std::vector<VesselBranch>& branches, const std::string& name,
                    const std::filesystem::path& folder, const std::string& suffix) {

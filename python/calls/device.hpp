@@ -10,11 +10,11 @@ namespace xraycast::python {
 
 /// The one OpenCL device of the process, which all calls share, one at a time. Opened when it is first used;
 /// stays open until the process ends. Not with the interpreter's lock held, since another thread may be
-/// waiting for that while it uses the instrument.
+/// waiting for that while it uses the device.
 class DeviceUse {
  public:
-  /// Throws DeviceError where there is no instrument, or where the process was forked from one that used it:
-  /// the driver's threads are not there.
+  /// Throws DeviceError where there is no device, or where the process was forked from one that used it: the
+  /// driver's threads are not there.
   DeviceUse();
   ComputeDevice& operator*() const;
   ComputeDevice* operator->() const { return &**this; }
@@ -23,14 +23,14 @@ class DeviceUse {
   std::unique_lock<std::recursive_mutex> lock_;
 };
 
-/// Chooses the instrument as `--device` does. Throws InputError once another one is in use. Without the
-/// interpreter's lock, as instrument_names.
-void choose_instrument(const std::string& choice);
+/// Chooses the device as `--device` does. Throws InputError once another one is in use. Without the
+/// interpreter's lock, as device_names.
+void choose_device(const std::string& choice);
 
-/// The instruments' names, in the order of their numbers.
-std::vector<std::string> instrument_names();
+/// The devices' names, in the order of their numbers.
+std::vector<std::string> device_names();
 
-/// Removes what the instrument left on the disk. When the interpreter exits.
-void clean_up_after_instrument();
+/// Removes what the device left on the disk. When the interpreter exits.
+void clean_up_after_device();
 
 }  // namespace xraycast::python

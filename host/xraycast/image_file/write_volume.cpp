@@ -204,22 +204,6 @@ void write_field(const VolumeGeometry& geometry, std::span<const float> field, c
   write(geometry, field, path, progress);
 }
 
-void write_vectors(const VolumeGeometry& geometry, std::span<const glm::vec3> vectors_mm,
-                   const fs::path& path) {
-  static_assert(sizeof(glm::vec3) == 3 * sizeof(float));
-  const auto& [size, spacing, origin] = geometry;
-  const std::string header = fmt::format(
-      "NRRD0004\ntype: float\ndimension: 4\nspace: left-posterior-superior\nsizes: 3 {} {} {}\n"
-      "space directions: none ({},0,0) (0,{},0) (0,0,{})\nkinds: vector domain domain domain\n"
-      "endian: little\nencoding: raw\nspace origin: ({},{},{})\n\n",
-      size.x, size.y, size.z, spacing.x, spacing.y, spacing.z, origin.x, origin.y, origin.z);
-  const auto vectors_B = static_cast<std::int64_t>(vectors_mm.size_bytes());
-  OutputFile file(path, false, std::ssize(header) + vectors_B);
-  file.write(header);
-  file.write(vectors_mm.data(), vectors_B);
-  file.commit();
-}
-
 void write_fractions(const VolumeGeometry& geometry, std::span<const std::uint8_t> fractions,
                      const fs::path& path) {
   const std::string header = nrrd_header(geometry, kVoxelType<float>, "gzip");

@@ -3,8 +3,6 @@
 #include "xraycast/base/progress.hpp"
 #include "xraycast/volume/volume.hpp"
 
-#include <glm/vec3.hpp>
-
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -21,11 +19,6 @@ void check_volume_format(const std::filesystem::path& path);
 /// A scalar field on a volume's grid, x fastest. Written like a volume, as 32-bit floats.
 void write_field(const VolumeGeometry& geometry, std::span<const float> field,
                  const std::filesystem::path& path, Progress& progress);
-
-/// Vectors in millimetres, LPS, on a volume's grid, x fastest, such as displacements. Written as NRRD of
-/// 32-bit floats, the components of each vector together. The path must end in `.nrrd`.
-void write_vectors(const VolumeGeometry& geometry, std::span<const glm::vec3> vectors_mm,
-                   const std::filesystem::path& path);
 
 /// Fractions on a volume's grid, 255 for 1, x fastest. Written as 32-bit floats from 0 to 1, as NRRD with
 /// gzipped voxels, because most are 0. The path must end in `.nrrd`.

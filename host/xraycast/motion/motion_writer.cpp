@@ -2,12 +2,22 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/image_file/write_volume.hpp"
+#include "xraycast/image_file/vector_image.hpp"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include <utility>
+
 namespace xraycast {
+namespace {
+
+FieldGrid field_grid_of(const VolumeGeometry& geometry) {
+  const glm::dvec3& step_mm = geometry.spacing_mm;
+  return {geometry.size, geometry.origin_mm, {step_mm.x, 0, 0, 0, step_mm.y, 0, 0, 0, step_mm.z}};
+}
+
+}  // namespace
 
 void write_motion(const std::vector<ScaledMode>& modes, const std::filesystem::path& folder,
                   Progress& progress) {
@@ -28,7 +38,7 @@ void write_motion(const std::vector<ScaledMode>& modes, const std::filesystem::p
       std::vector<glm::vec3> field_mm = mode.field_mm;
       for (glm::vec3& d : field_mm) d *= static_cast<float>(share);
       const std::string file = fmt::format("{}_{:g}.nrrd", mode.name, phase);
-      write_vectors(mode.nodes, field_mm, folder / file);
+      write_vector_image({field_grid_of(mode.nodes), std::move(field_mm)}, folder / file);
       phases.push_back({{"phase", phase}, {"field", file}});
     }
     Json one{{"name", mode.name}};
