@@ -73,7 +73,7 @@ std::string option_of(const CLI::App& command, std::string_view field) {
   std::ranges::replace(name, '_', '-');
   std::string without_unit = name;
   for (const std::string_view unit : {"-mm", "-hu", "-deg", "-ml-s", "-mg-ml", "-ml", "-s", "-B"})
-    if (without_unit.ends_with(unit)) without_unit.resize(without_unit.size() - unit.size());
+    if (without_unit.ends_with(unit)) without_unit.erase(without_unit.size() - unit.size());
   std::vector<const CLI::App*> commands =
       command.get_parent()->get_subcommands([](const CLI::App*) { return true; });
   commands.insert(commands.begin(), &command);
