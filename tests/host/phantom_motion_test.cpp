@@ -416,7 +416,7 @@ Field read_field(const std::filesystem::path& path) {
   return field;
 }
 
-class MotionFile : public testing::Test {
+class PhantomMotionFile : public testing::Test {
  protected:
   nlohmann::json write(const Phantom& phantom, double spacing_mm) {
     Progress progress;
@@ -426,7 +426,7 @@ class MotionFile : public testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(MotionFile, NamesModesInTheOrderInWhichTheyAreComposed) {
+TEST_F(PhantomMotionFile, NamesModesInTheOrderInWhichTheyAreComposed) {
   const nlohmann::json written = write(make_phantom("thorax"), 12);
   EXPECT_EQ(written["version"], 1);
   ASSERT_EQ(written["modes"].size(), 2U);
@@ -442,7 +442,7 @@ TEST_F(MotionFile, NamesModesInTheOrderInWhichTheyAreComposed) {
   EXPECT_EQ(heart["phases"][4]["field"], "heart_0.4.nrrd");
 }
 
-TEST_F(MotionFile, HoldsWhatTheModesDo) {
+TEST_F(PhantomMotionFile, HoldsWhatTheModesDo) {
   const Phantom thorax = make_phantom("thorax");
   write(thorax, 4);
   const Field breath = read_field(folder_.path() / "breath_1.nrrd"),
@@ -476,7 +476,7 @@ TEST_F(MotionFile, HoldsWhatTheModesDo) {
   EXPECT_LT(glm::distance(breath.at(node), inspired.pulled_back_mm(node) - node), 1e-5);
 }
 
-TEST_F(MotionFile, IsRefusedForWhatDoesNotMoveFromRest) {
+TEST_F(PhantomMotionFile, IsRefusedForWhatDoesNotMoveFromRest) {
   const auto message = [](const Phantom& phantom, double spacing_mm) -> std::string {
     try {
       check_motion(phantom, spacing_mm);
