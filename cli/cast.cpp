@@ -111,14 +111,16 @@ void report_cast(const Casting& casting, const CastArguments& options, double wr
               {"write", write_ms},
               {"total", total_ms}}}};
   std::string text = fmt::format(
-      "{}: {} of {} x {}, outline {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
+      "{}: {} of {} x {}{}, outline {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
       "read {:.0f} ms, upload {:.0f} ms, outline {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} "
       "ms\n",
       options.output.map, pluralize(geometry.layers(), "layer"), pluralize(geometry.width, "angle"),
-      pluralize(geometry.height, "slice"), geometry.has_outline() ? "body" : "circle", geometry.radius_mm(),
-      geometry.centre_mm[0].x, geometry.centre_mm[0].y,
+      pluralize(geometry.height, "slice"), casting.motion.suffix(),
+      geometry.has_outline() ? "body" : "circle", geometry.radius_mm(), geometry.centre_mm[0].x,
+      geometry.centre_mm[0].y,
       std::visit([](const auto& one) { return one.name(); }, casting.map.attenuation), casting.load.read_ms,
       casting.load.upload_ms, casting.outline_ms, casting.kernel_ms, write_ms, total_ms);
+  if (!casting.motion.phases.empty()) json["motion"] = to_json(casting.motion);
   if (casting.outside_share) json["outside_share"] = *casting.outside_share;
   if (!casting.cut_off.empty()) text += casting.cut_off + "\n";
   if (!casting.left_out.empty()) text += invocation.spelled(casting.left_out) + "\n";

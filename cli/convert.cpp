@@ -24,12 +24,14 @@ void convert_scan(const ConvertArguments& options, Invocation& invocation) {
   invocation.say_about(made.info);
   invocation.say(made.voxel_warnings);
   Json json{{"input", options.input}, {"output", options.output}, {"volume", cli::to_json(made.geometry)}};
+  if (!made.motion.phases.empty()) json["motion"] = to_json(made.motion);
   if (made.is_series) json["frame_of_reference"] = made.frame_of_reference_uid.empty() ? "new" : "scan";
   const Index3& size = made.geometry.size;
   const glm::dvec3& spacing_mm = made.geometry.spacing_mm;
-  invocation.report(json, fmt::format("{}: {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm{}\n",
-                                      options.output, size.x, size.y, size.z, spacing_mm.x, spacing_mm.y,
-                                      spacing_mm.z, made.is_series ? ", a DICOM series" : ""));
+  invocation.report(
+      json, fmt::format("{}: {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm{}{}\n", options.output,
+                        size.x, size.y, size.z, spacing_mm.x, spacing_mm.y, spacing_mm.z,
+                        made.motion.suffix(), made.is_series ? ", a DICOM series" : ""));
 }
 
 }  // namespace

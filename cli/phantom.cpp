@@ -127,14 +127,17 @@ void add_phantom(CLI::App& app, Invocation& invocation) {
           "--phase", options->phases,
           "Hold a movement at a phase, 0 to 1: breath and heart of the thorax, turn of the head; may "
           "be given once for each")
-      ->type_name("NAME=PHASE");
-  command
-      ->add_option("--motion", options->motion,
-                   "Also write how the phantom moves: motion.json and fields of displacements")
-      ->type_name("DIR");
+      ->allow_extra_args(false)
+      ->type_name("NAME=0..1");
+  CLI::Option* motion =
+      command
+          ->add_option("--motion", options->motion,
+                       "Also write how the phantom moves: motion.json and fields of displacements")
+          ->type_name("DIR");
   command
       ->add_option("--motion-spacing", options->motion_spacing_mm,
                    "Distance between the nodes of these fields")
+      ->needs(motion)
       ->capture_default_str()
       ->type_name("MM");
   command

@@ -89,13 +89,11 @@ void project_scan(const ProjectArguments& options, Invocation& invocation) {
   if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
   if (exposure) result["fluoroscope"] = to_json(*exposure);
   invocation.report(
-      result,
-      fmt::format("{}: {}{}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
-                  "{:.0f} ms, total {:.0f} ms\n{}",
-                  options.output, label(view),
-                  motion.phases.empty() ? "" : fmt::format(", {}", phases_in_words(motion)), view.width,
-                  view.height, view.pixel_mm, load_timings.read_ms, load_timings.upload_ms,
-                  frames.kernel_ms(), total_ms, exposure ? summary(*exposure) : ""));
+      result, fmt::format("{}: {}{}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
+                          "{:.0f} ms, total {:.0f} ms\n{}",
+                          options.output, label(view), motion.suffix(), view.width, view.height,
+                          view.pixel_mm, load_timings.read_ms, load_timings.upload_ms, frames.kernel_ms(),
+                          total_ms, exposure ? summary(*exposure) : ""));
 }
 
 }  // namespace

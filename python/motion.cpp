@@ -91,8 +91,7 @@ HeldScan moved_scan(const HeldScan& scan, const MotionRequest& request, Progress
   const MotionOfRequest motion = held_motion(request);
   ScanInfo info = scan.info();
   info.warnings = motion.warnings;
-  std::string source = scan.source();
-  for (const auto& [mode, phase] : motion.phases) source += fmt::format(", {} {:.3g}", mode, phase);
+  const std::string source = scan.source() + motion.suffix();
   if (!motion.held.is_still())
     for (std::string& warning : check_motion(*scan.volume(), motion.held, motion.name))
       info.warnings.push_back(std::move(warning));

@@ -132,6 +132,10 @@ void add_projection(nb::class_<HeldScan>& scan) {
          const VesselsArgument& vessels, const InstrumentsArgument& instruments, double contrast_mg_ml,
          const FluoroscopeArgument& fluoroscope, const PathArgument& motion, const PhaseArgument& phase,
          const TimeArgument& time, const ProgressArgument& progress) {
+        if (!motion.is_none() && !(vessels.is_none() && instruments.is_none()))
+          throw InputError(
+              "motion: moves the scan, not its vessels and instruments; draw those of that instant into "
+              "scan.moved(...)");
         return with_motion(self, motion_request_of(motion, phase, time), progress, [&](HeldScan& taken) {
           return project_scan(taken, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
                               gradient, {vessels, instruments, contrast_mg_ml}, fluoroscope, progress);

@@ -46,11 +46,4 @@ Json to_json(const MotionOfRequest& motion) {
   return json;
 }
 
-std::string phases_in_words(const MotionOfRequest& motion) {
-  std::string words;
-  for (const auto& [mode, phase] : motion.phases)
-    words += fmt::format("{}{} {:.3g}", words.empty() ? "" : ", ", mode, phase);
-  return words;
-}
-
 }  // namespace xraycast::cli

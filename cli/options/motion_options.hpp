@@ -26,7 +26,4 @@ MotionRequest parse_motion(const MotionOptions& options);
 /// {"breath": 0.3, "heart": 0}, the phases of the motion's modes.
 Json to_json(const MotionOfRequest& motion);
 
-/// `breath 0.3, heart 0`.
-std::string phases_in_words(const MotionOfRequest& motion);
-
 }  // namespace xraycast::cli

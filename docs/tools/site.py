@@ -16,7 +16,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Beside README.md, which is the first page: what is shown, in this order.
 CHAPTERS = {
     "Use": ["docs/guide", "docs/commands", "docs/web", "docs/python", "docs/cohorts", "docs/haptics", "docs/gallery"],
-    "Models and figures": ["docs/fluoroscopy", "docs/vessels", "docs/angiography", "docs/simulation", "docs/accuracy",
+    "Models and figures": ["docs/fluoroscopy", "docs/vessels", "docs/angiography", "docs/simulation", "docs/motion",
+                           "docs/motion-models", "docs/accuracy",
                            "docs/performance", "docs/reliability", "docs/glossary", "simulation/instruments/README"],
     "Interfaces": ["python-api", "docs/api", "examples/README"],
     "Development": ["docs/architecture", "CONTRIBUTING", "CHANGELOG", "SECURITY"],

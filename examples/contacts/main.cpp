@@ -10,20 +10,20 @@
 int main() {
   const xraycast::VesselTree tree(xraycast::make_phantom("thorax").vessel_branches(), "thorax");
   const xraycast::InstrumentModel cobra = xraycast::InstrumentModel::named("cobra-5f");
-  xraycast::Instruments devices(tree, {cobra}, xraycast::most_inferior_end(tree));
+  xraycast::Instruments instruments(tree, {cobra}, xraycast::most_inferior_end(tree));
 
   std::array<xraycast::HubPose, 1> hubs;
   std::vector<xraycast::InstrumentContact> contacts;
   xraycast::InstrumentContact hardest;
-  for (int step = 0; step < 3000; ++step) {          // of a millisecond
-    hubs[0].insertion_mm += 100 * devices.step_s();  // 100 mm/s
-    devices.step(hubs);
-    devices.copy_contacts(0, contacts);
+  for (int step = 0; step < 3000; ++step) {              // of a millisecond
+    hubs[0].insertion_mm += 100 * instruments.step_s();  // 100 mm/s
+    instruments.step(hubs);
+    instruments.copy_contacts(0, contacts);
     for (const xraycast::InstrumentContact& contact : contacts)
       if (glm::length(contact.force_N) > glm::length(hardest.force_N)) hardest = contact;
   }
 
-  std::cout << contacts.size() << " contacts after " << devices.pose(0).insertion_mm
+  std::cout << contacts.size() << " contacts after " << instruments.pose(0).insertion_mm
             << " mm, those of 0.04 N or more:\n";
   for (const auto& [position_mm, force_N] : contacts)
     if (glm::length(force_N) >= 0.04)

@@ -29,14 +29,14 @@ int main() {
   const xraycast::VesselTree tree = own_tree();
   const auto catheter = xraycast::InstrumentModel::from_json(kCatheter, "bent-4f");
   for (const double turn_deg : {0, 90, 180, 270}) {
-    xraycast::Instruments devices(tree, {catheter}, xraycast::most_inferior_end(tree));
+    xraycast::Instruments instruments(tree, {catheter}, xraycast::most_inferior_end(tree));
     std::array<xraycast::HubPose, 1> hubs;  // one an instrument
     hubs[0].rotation_rad = turn_deg * std::numbers::pi / 180;
     while (hubs[0].insertion_mm < 160) {
-      hubs[0].insertion_mm += 80 * devices.step_s();  // 80 mm/s
-      devices.step(hubs);
+      hubs[0].insertion_mm += 80 * instruments.step_s();  // 80 mm/s
+      instruments.step(hubs);
     }
-    const xraycast::InstrumentTip tip = devices.tip(0);
+    const xraycast::InstrumentTip tip = instruments.tip(0);
     std::cout << "turned by " << turn_deg << " deg: the tip is " << tip.arc_length_mm << " mm along branch "
               << tip.branch << '\n';
   }

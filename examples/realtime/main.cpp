@@ -33,18 +33,18 @@ struct Timing {
 
 void run(const std::stop_token& stop, xraycast::Instruments& instruments, Newest& newest, Timing& timing) {
   const auto step =
-      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(devices.step_s()));
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(instruments.step_s()));
   std::array<xraycast::HubPose, 1> hubs;
   auto due = Clock::now();
   while (!stop.stop_requested()) {
     // Here a haptic device's encoder is read ...
-    hubs[0].insertion_mm = 150 * (1 - std::cos(0.8 * devices.time_s()));
-    hubs[0].rotation_rad = 2 * devices.time_s();
-    devices.step(hubs);
+    hubs[0].insertion_mm = 150 * (1 - std::cos(0.8 * instruments.time_s()));
+    hubs[0].rotation_rad = 2 * instruments.time_s();
+    instruments.step(hubs);
     // ... and its motors are told this load. Nothing in this loop waits: what is being drawn is passed by.
-    const xraycast::HubLoad load = devices.load(0);
+    const xraycast::HubLoad load = instruments.load(0);
     if (const std::unique_lock lock(newest.mutex, std::try_to_lock); lock) {
-      devices.copy_nodes(0, newest.nodes_mm);
+      instruments.copy_nodes(0, newest.nodes_mm);
       newest.force_N = load.force_N;
     }
     due += step;
@@ -89,7 +89,7 @@ void draw(GLFWwindow* window, double seconds, const xraycast::VesselTree& tree,
 int main(int argc, char** argv) {
   const xraycast::VesselTree tree(xraycast::make_phantom("thorax").vessel_branches(), "thorax");
   const xraycast::InstrumentModel cobra = xraycast::InstrumentModel::named("cobra-5f");
-  xraycast::Instruments devices(tree, {cobra}, xraycast::most_inferior_end(tree));
+  xraycast::Instruments instruments(tree, {cobra}, xraycast::most_inferior_end(tree));
   GLFWwindow* window = open_window();
   if (!window) {
     std::cerr << "no window: is there a display with OpenGL 3.3?\n";
@@ -97,10 +97,10 @@ int main(int argc, char** argv) {
   }
 
   Newest newest;
-  devices.copy_nodes(0, newest.nodes_mm);
+  instruments.copy_nodes(0, newest.nodes_mm);
   Timing timing;
   {
-    const std::jthread loop([&](const std::stop_token& stop) { run(stop, devices, newest, timing); });
+    const std::jthread loop([&](const std::stop_token& stop) { run(stop, instruments, newest, timing); });
     draw(window, argc > 1 ? std::atof(argv[1]) : 1e6, tree, cobra, newest);
   }
   std::cout << timing.steps << " steps, " << timing.late << " of them late; at last the hub felt "

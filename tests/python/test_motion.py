@@ -67,6 +67,7 @@ def test_convert_writes_the_moved_scan(motion, scan, tmp_path):
     ({"motion": "MOTION", "phase": {"breath": 1}, "time": 1}, "give only one of them"),
     ({"motion": "MOTION", "phase": {"heart": 1}}, "no such mode; choose one of breath"),
     ({"motion": "MOTION", "phase": {"breath": 1.5}}, "must be 0 to 1"),
+    ({"motion": "MOTION", "time": 1, "vessels": "vessels"}, "moves the scan, not its vessels and instruments"),
     ({"motion": "MOTION", "phase": 0.5}, "phase: must be a dict of modes and their phases"),
     ({"motion": "nowhere.json", "time": 1}, "nowhere.json: no such file"),
 ])

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/memory_limit.hpp"
 
 #include <cerrno>
 #include <cstring>
@@ -26,6 +27,9 @@ std::string read_whole_file(const std::filesystem::path& path) {
   const auto size = std::filesystem::file_size(path, error);
   if (!file || error)
     throw InputError("{}: cannot be opened: {}; check its permissions", path.string(), std::strerror(errno));
+  const auto needed_B = static_cast<std::int64_t>(size);
+  constexpr std::int64_t kSmall_B = 1 << 20;
+  if (needed_B > kSmall_B) require_memory("reading " + path.string(), {needed_B, needed_B});
   std::string content(size, '\0');
   if (!file.read(content.data(), static_cast<std::streamsize>(size)))
     throw InputError("{}: cannot be read: {}; copy it again", path.string(), std::strerror(errno));

@@ -45,8 +45,12 @@ SpectralScan load(ComputeDevice& device, SliceSource& scan, const std::filesyste
   if (iodine.empty()) return {load(device, scan, finder, timings, progress), {}};
   Scan vessels = open_scan(iodine, {}, progress);
   check_mask_grid(vessels.source->geometry(), scan.geometry(), "`iodine` " + iodine.string());
-  if (!motion.is_still())
-    vessels.source = moved_slices(std::make_shared<const Volume>(collect(*vessels.source, progress)), motion);
+  if (!motion.is_still()) {
+    Volume mask = collect(*vessels.source, progress);
+    // Between voxels the larger share decides, whatever the mask's values.
+    for (std::int16_t& value : mask.hu()) value = value > 0 ? 1 : 0;
+    vessels.source = moved_slices(std::make_shared<const Volume>(std::move(mask)), motion);
+  }
   return load(device, scan, *vessels.source, finder, timings, progress);
 }
 

@@ -59,7 +59,9 @@ std::shared_ptr<const Displacement> affine_displacement(const glm::dmat3& matrix
 /// One after the other: the place goes through the first of them first.
 std::shared_ptr<const Displacement> composed(std::vector<std::shared_ptr<const Displacement>> parts);
 
-/// Reads a field of vectors or an ITK transform, by its content: see read_motion.
-std::shared_ptr<const Displacement> read_displacement(const std::filesystem::path& path);
+/// Reads a field of vectors or an ITK transform, by its content: see read_motion. Adds to `warnings` what to
+/// check in it, one line each, with the file's name in front.
+std::shared_ptr<const Displacement> read_displacement(const std::filesystem::path& path,
+                                                      std::vector<std::string>* warnings = nullptr);
 
 }  // namespace xraycast

@@ -44,6 +44,7 @@ class Field final : public Displacement {
  private:
   glm::dvec3 trilinear(const glm::dvec3& x_mm) const {
     const glm::dvec3 node = glm::clamp(to_node_ * (x_mm - grid_.origin_mm), glm::dvec3(0), last_);
+    if (glm::any(glm::isnan(node))) return node;
     const auto i = static_cast<std::int64_t>(node.x), j = static_cast<std::int64_t>(node.y),
                k = static_cast<std::int64_t>(node.z);
     const glm::dvec3 share = node - glm::dvec3(i, j, k);

@@ -92,6 +92,7 @@ void visit_groups(const std::string& path, const Visit& visit) {
     if (!has(file, group)) return;
     visit(hid_t{file}, group);
   }
+  require(!has(file, std::string(kGroup) + '/' + std::to_string(Hdf5Layout::kMostTransforms)));
 }
 
 class Module final : public Hdf5Transforms {

@@ -267,7 +267,8 @@ std::shared_ptr<const Displacement> displacement_of(std::vector<StoredTransform>
   return composed(std::move(parts));
 }
 
-std::shared_ptr<const Displacement> read_displacement(const std::filesystem::path& path) {
+std::shared_ptr<const Displacement> read_displacement(const std::filesystem::path& path,
+                                                      std::vector<std::string>* warnings) {
   require_regular_file(path);
   if (is_transform_file(path)) return displacement_of(read_transforms(path), path.string());
   if (!is_image_file(path))
@@ -276,7 +277,11 @@ std::shared_ptr<const Displacement> read_displacement(const std::filesystem::pat
         "give "
         "one of these",
         path.string());
-  return field_of(read_vector_image(path), path.string());
+  VectorImage image = read_vector_image(path);
+  if (warnings)
+    for (const std::string& warning : image.warnings)
+      warnings->push_back(fmt::format("{}: {}", path.string(), warning));
+  return field_of(std::move(image), path.string());
 }
 
 }  // namespace xraycast

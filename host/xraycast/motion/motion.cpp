@@ -27,6 +27,8 @@ void check_keys(const MotionMode& mode, const std::string& name) {
   }
 }
 
+constexpr double kLeastTime_s = 1e-3;  // of what a body does; far less makes phases that are no numbers
+
 void check_waveform(const MotionMode& mode, const std::string& name) {
   const std::vector<PhaseSample>& samples = mode.waveform;
   if (samples.size() < 2) throw InputError("{}: waveform holds one sample, but must hold two at least", name);
@@ -35,9 +37,9 @@ void check_waveform(const MotionMode& mode, const std::string& name) {
     if (!(std::abs(samples[i].time_s) <= kLongest_s))
       throw InputError("{}: a time of waveform is {} s; it must be within {:g} s", name, samples[i].time_s,
                        kLongest_s);
-    if (i > 0 && !(samples[i].time_s > samples[i - 1].time_s))
-      throw InputError("{}: in waveform {} s follows {} s; times must ascend", name, samples[i].time_s,
-                       samples[i - 1].time_s);
+    if (i > 0 && !(samples[i].time_s >= samples[i - 1].time_s + kLeastTime_s))
+      throw InputError("{}: in waveform {} s follows {} s; times must ascend, by 0.001 s at least", name,
+                       samples[i].time_s, samples[i - 1].time_s);
     const double most = mode.wraps() ? kMostCycles : 1, least = mode.wraps() ? -kMostCycles : 0;
     if (!(samples[i].phase >= least && samples[i].phase <= most))
       throw InputError("{}: a phase of waveform is {}; it must be {:g} to {:g}", name, samples[i].phase,
@@ -55,8 +57,8 @@ void check_time(const MotionMode& mode, const std::string& name) {
     throw InputError("{}: has both period_s and waveform; leave one of them out", name);
   if (!mode.waveform.empty()) return check_waveform(mode, name);
   constexpr double kLongest_s = 1e6;
-  if (!(mode.period_s > 0 && mode.period_s <= kLongest_s))
-    throw InputError("{}: period_s is {}; it must be above 0 and at most {:g}", name, mode.period_s,
+  if (!(mode.period_s >= kLeastTime_s && mode.period_s <= kLongest_s))
+    throw InputError("{}: period_s is {}; it must be {:g} to {:g}", name, mode.period_s, kLeastTime_s,
                      kLongest_s);
 }
 
@@ -169,8 +171,8 @@ InverseResult HeldMotion::inverse_mm(const glm::dvec3& y_mm, const glm::dvec3& g
 
 // ---- motion -------------------------------------------------------------------------------------------
 
-Motion::Motion(std::vector<MotionMode> modes, std::string name)
-    : name_(std::move(name)), modes_(std::move(modes)) {
+Motion::Motion(std::vector<MotionMode> modes, std::string name, std::vector<std::string> warnings)
+    : name_(std::move(name)), modes_(std::move(modes)), warnings_(std::move(warnings)) {
   check_modes(modes_, name_);
   for (const MotionMode& mode : modes_) warn_of_folds(mode, warnings_);
 }

@@ -112,11 +112,13 @@ class Motion {
  public:
   /// Throws InputError, with `name` in front, for modes without a name or with that of another, fewer than
   /// two keys, keys out of order, a period that is not above 0, a waveform that jumps.
-  Motion(std::vector<MotionMode> modes, std::string name);
+  Motion(std::vector<MotionMode> modes, std::string name, std::vector<std::string> warnings = {});
 
   const std::string& name() const { return name_; }
   const std::vector<MotionMode>& modes() const { return modes_; }
-  const std::vector<std::string>& warnings() const { return warnings_; }  ///< folds, one line each
+  const std::vector<std::string>& warnings() const {
+    return warnings_;
+  }  ///< of the files, and folds, one line each
 
   /// The phase of each mode, in order, at a time.
   std::vector<double> phases_at(double time_s) const;

@@ -64,13 +64,16 @@ class Fields {
     return fields_[key] = entry.json.is_array() ? composition(entry) : file(entry);
   }
 
+  /// Of the files that were read.
+  const std::vector<std::string>& warnings() const { return warnings_; }
+
  private:
   std::shared_ptr<const Displacement> file(const Entry& entry) {
     const std::string name = entry.text();
     std::error_code error;
     if (!fs::is_regular_file(folder_ / name, error))
       throw InputError("{}: {} is no file; put it beside the motion", entry.name, excerpt(name));
-    return read_displacement(folder_ / name);
+    return read_displacement(folder_ / name, &warnings_);
   }
 
   std::shared_ptr<const Displacement> composition(const Entry& entry) {
@@ -85,6 +88,7 @@ class Fields {
   }
 
   fs::path folder_;
+  std::vector<std::string> warnings_;
   std::map<std::string, std::shared_ptr<const Displacement>> fields_;
 };
 
@@ -103,6 +107,8 @@ MotionMode mode_of(const Entry& entry, Fields& fields) {
   entry.require_fields({"name", "period_s", "waveform", "phases", "comment"});
   MotionMode mode;
   mode.name = entry.at("name").text();
+  if (entry.has("waveform") && entry.has("period_s"))
+    throw InputError("{}: has both period_s and waveform; leave one of them out", entry.name);
   if (entry.has("waveform")) mode.waveform = waveform_of(entry.at("waveform"));
   if (entry.has("period_s") || mode.waveform.empty()) mode.period_s = entry.at("period_s").number();
   const Entry phases = entry.at("phases");
@@ -123,13 +129,14 @@ Motion read_motion(const fs::path& path) {
   const Json document = parse_json(read_whole_file(path), name);
   const Entry root{document, name};
   if (!document.is_object()) throw InputError("{}: holds no JSON object; give a motion.json", name);
+  root.require_fields({"version", "modes", "comment"});
   if (whole_number(root.at("version").json) != kVersion)
     throw InputError("{}: version is not {}; write the motion again or use a newer xraycast", name, kVersion);
   Fields fields(path.parent_path());
   std::vector<MotionMode> modes;
   const Entry list = root.at("modes");
   for (std::size_t m = 0; m < list.length(); ++m) modes.push_back(mode_of(list.at(m), fields));
-  return {std::move(modes), name};
+  return {std::move(modes), name, fields.warnings()};
 }
 
 }  // namespace xraycast

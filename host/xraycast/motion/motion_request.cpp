@@ -35,6 +35,12 @@ MotionOfRequest held_motion(const MotionRequest& request) {
   return of_request;
 }
 
+std::string MotionOfRequest::suffix() const {
+  std::string words;
+  for (const auto& [mode, phase] : phases) words += fmt::format(", {} {:.3g}", mode, phase);
+  return words;
+}
+
 Scan moved(Scan scan, const MotionOfRequest& motion, Progress& progress) {
   scan = moved(std::move(scan), motion.held, motion.name, progress);
   scan.info.warnings.insert(scan.info.warnings.end(), motion.warnings.begin(), motion.warnings.end());

@@ -31,6 +31,9 @@ struct MotionOfRequest {
   std::string name{};                                    ///< of the motion's file
   std::vector<std::pair<std::string, double>> phases{};  ///< of each mode, in order
   std::vector<std::string> warnings{};                   ///< of the motion
+
+  /// `, breath 1, heart 0.4`, behind the name of what is moved; empty without a motion.
+  std::string suffix() const;
 };
 
 /// Reads the motion; nothing where none is given. Throws InputError as check() and read_motion.

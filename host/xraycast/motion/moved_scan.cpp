@@ -67,8 +67,9 @@ void Samples::visit(const Index3& place, const Volume& scan, const HeldMotion& m
   const glm::dvec3 x_mm = volume_.to_world_mm(voxel), d_mm = motion.displacement_mm(x_mm);
   const glm::dvec3 source_mm = x_mm + d_mm;
   at(place) = {true, motion.covers(x_mm),
-               glm::any(glm::lessThan(source_mm, volume_.lower_mm())) ||
-                   glm::any(glm::greaterThan(source_mm, volume_.upper_mm())),
+               // Written so that NaN is beyond.
+               !(glm::all(glm::greaterThanEqual(source_mm, volume_.lower_mm())) &&
+                 glm::all(glm::lessThanEqual(source_mm, volume_.upper_mm()))),
                static_cast<float>(glm::length(d_mm))};
 }
 

@@ -275,6 +275,7 @@ Casting cast_slabs(const CastRequest& request, const MotionOfRequest& motion, co
   if (request.centre_mm.empty() || !request.radius_mm || request.has_body_outline()) {
     const Stopwatch looking;
     look_through(*scan.source, finder, progress);
+    scan.source.reset();  // before the next one takes memory
     scan = open_scan_of(request, motion, open, progress);
     casting.load.read_ms = looking.ms();
   }
@@ -289,11 +290,12 @@ Casting cast_slabs(const CastRequest& request, const MotionOfRequest& motion, co
 }
 
 /// Whether the geometry is known before the first slice is read, and nothing needs the scan afterwards: slabs
-/// then need less memory, and therefore less time.
+/// then need less memory, and therefore less time. A scan in motion is in memory anyway.
 bool is_best_by_slabs(const CastRequest& request, const VolumeGeometry& volume) {
-  return volume.size.z > kMaxSlabSlices && !request.centre_mm.empty() && request.radius_mm &&
-         request.centre_line.empty() && !request.knots_hu && request.projection == RayLayout::cylinder &&
-         !request.has_body_outline() && std::holds_alternative<Opacity>(request.opacity);
+  return volume.size.z > kMaxSlabSlices && !request.motion.is_given() && !request.centre_mm.empty() &&
+         request.radius_mm && request.centre_line.empty() && !request.knots_hu &&
+         request.projection == RayLayout::cylinder && !request.has_body_outline() &&
+         std::holds_alternative<Opacity>(request.opacity);
 }
 
 }  // namespace
@@ -320,7 +322,7 @@ std::vector<double> centre_of(const VesselTree& tree, RayLayout ray_layout) {
 
 void Casting::describe(const std::string& source, const std::string& frame_of_reference_uid) {
   const auto set = [&](auto& file) {
-    file.source = source;
+    file.source = source + motion.suffix();
     file.frame_of_reference_uid = frame_of_reference_uid;
   };
   set(map);
@@ -379,9 +381,10 @@ Casting cast(const CastRequest& request, const SpectralScan& scan, const Outline
   return casting;
 }
 
-Casting cast(const CastRequest& request, const ScanOpener& open, ComputeDevice& device, Progress& progress) {
-  check(request);
-  const MotionOfRequest motion = held_motion(request.motion);
+namespace {
+
+Casting cast_at(const MotionOfRequest& motion, const CastRequest& request, const ScanOpener& open,
+                ComputeDevice& device, Progress& progress) {
   Scan scan = open_scan_of(request, motion, open, progress);
   const VolumeGeometry volume = scan.source->geometry();
   const std::int64_t limit_B = memory_limit_B(request, device);
@@ -395,6 +398,16 @@ Casting cast(const CastRequest& request, const ScanOpener& open, ComputeDevice& 
   std::ranges::move(scan.source->hu_range().warnings(), std::back_inserter(casting.notes));
   std::ranges::move(scan.info.warnings, std::back_inserter(casting.notes));
   casting.load = load_timings;
+  return casting;
+}
+
+}  // namespace
+
+Casting cast(const CastRequest& request, const ScanOpener& open, ComputeDevice& device, Progress& progress) {
+  check(request);
+  MotionOfRequest motion = held_motion(request.motion);
+  Casting casting = cast_at(motion, request, open, device, progress);
+  casting.motion = std::move(motion);
   return casting;
 }
 

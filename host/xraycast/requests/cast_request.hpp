@@ -75,7 +75,9 @@ struct Casting {
   double outline_ms = 0;  ///< to find the outline, and the share outside of it
   double kernel_ms = 0, basis_ms = 0;
 
-  /// What the files of map and basis say of the scan.
+  MotionOfRequest motion{};  ///< at which instant the scan was taken
+
+  /// What the files of map and basis say of the scan, and of the instant.
   void describe(const std::string& source, const std::string& frame_of_reference_uid);
 };
 

@@ -33,9 +33,10 @@ Converted convert(const ConvertRequest& request, Progress& progress) {
   converted.voxel_warnings = scan.source->hu_range().warnings();
   converted.frame_of_reference_uid =
       frame_of_reference_for(request.patient, frame_of_reference_uid(scan.info));
+  converted.motion = motion;
   if (converted.is_series)
-    write_ct_series(volume, request.output, request.patient, {name, converted.frame_of_reference_uid},
-                    progress);
+    write_ct_series(volume, request.output, request.patient,
+                    {name + motion.suffix(), converted.frame_of_reference_uid}, progress);
   else
     write_volume(volume, request.output, progress);
   return converted;

@@ -30,6 +30,7 @@ struct Converted {
   std::vector<std::string> voxel_warnings{};  ///< SliceSource::HuRange::warnings() of the input
   bool is_series = false;
   std::string frame_of_reference_uid{};  ///< of the series, that of the input; empty: a new one
+  MotionOfRequest motion{};              ///< at which instant
 };
 
 /// Reads the input and writes the output. Throws InputError as check(), open_scan and write_ct_series do.
