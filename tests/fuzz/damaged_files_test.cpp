@@ -128,7 +128,7 @@ void damage(std::string& bytes, const Reader& reader, std::mt19937& random) {
 double processor_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
 /// The most memory that this process has had.
-double peak_MB() {
+[[maybe_unused]] double peak_MB() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return 1e-3 * static_cast<double>(usage.ru_maxrss);

@@ -59,8 +59,11 @@ std::string text(hid_t file, const std::string& name) {
 /// Of the numbers of a kind; empty where there are none, as of a composite. Older versions of ITK misspelled
 /// it.
 std::string name_of_numbers(hid_t file, const std::string& group, const std::string& kind) {
-  for (const char* prefix : {"/Transform", "/Tranform"})
-    if (has(file, group + prefix + kind)) return group + prefix + kind;
+  for (const char* prefix : {"/Transform", "/Tranform"}) {
+    std::string name = group;
+    name.append(prefix).append(kind);
+    if (has(file, name)) return name;
+  }
   return "";
 }
 

@@ -13,7 +13,6 @@
 #include <cmath>
 #include <functional>
 #include <map>
-#include <ranges>
 #include <utility>
 
 // The parameters are those of ITK 5.4's classes of these names.
@@ -33,9 +32,9 @@ struct MatrixKind {
 /// Rows one after the other.
 glm::dmat3 matrix_of_rows(const Parameters& p) {
   glm::dmat3 matrix;
+  std::size_t number = 0;
   for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 3; ++column)
-      matrix[column][row] = p[static_cast<std::size_t>(3 * row + column)];
+    for (int column = 0; column < 3; ++column) matrix[column][row] = p[number++];
   return matrix;
 }
 
@@ -261,9 +260,9 @@ std::shared_ptr<const Displacement> displacement_of(std::vector<StoredTransform>
   if (transforms.empty() || (!is_composite && transforms.size() > 1))
     throw InputError("{}: holds {}; save one, or a composite of several", name,
                      is_composite ? "an empty composite" : pluralize(std::ssize(transforms), "transform"));
+  std::ranges::reverse(transforms);
   std::vector<std::shared_ptr<const Displacement>> parts;
-  for (const StoredTransform& stored : transforms | std::views::reverse)
-    parts.push_back(displacement_of(stored, name));
+  for (const StoredTransform& stored : transforms) parts.push_back(displacement_of(stored, name));
   return composed(std::move(parts));
 }
 
