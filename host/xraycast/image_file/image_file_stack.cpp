@@ -16,33 +16,10 @@ namespace {
 namespace fs = std::filesystem;
 
 SliceSource::HuRange rescale_bytes(const char* bytes, const ImageHeader& header, std::span<std::int16_t> hu) {
-  const auto as = [&]<typename T>(T) {
+  return with_voxel_type(header.type, [&]<typename T>(T) {
     return rescale(std::span(reinterpret_cast<const T*>(bytes), hu.size()), header.slope, header.intercept,
                    hu);
-  };
-  switch (header.type) {
-    case VoxelType::int8:
-      return as(std::int8_t{});
-    case VoxelType::uint8:
-      return as(std::uint8_t{});
-    case VoxelType::int16:
-      return as(std::int16_t{});
-    case VoxelType::uint16:
-      return as(std::uint16_t{});
-    case VoxelType::int32:
-      return as(std::int32_t{});
-    case VoxelType::uint32:
-      return as(std::uint32_t{});
-    case VoxelType::int64:
-      return as(std::int64_t{});
-    case VoxelType::uint64:
-      return as(std::uint64_t{});
-    case VoxelType::float32:
-      return as(float{});
-    case VoxelType::float64:
-      return as(double{});
-  }
-  return kNoHu;
+  });
 }
 
 /// Three sizes, 1 for axes that the header does not have.

@@ -21,6 +21,34 @@ enum class VoxelType { int8, uint8, int16, uint16, int32, uint32, int64, uint64,
 
 std::int64_t bytes_of(VoxelType type);
 
+/// Calls `visit` with a number of the type that voxels are stored as.
+template <typename Visit>
+auto with_voxel_type(VoxelType type, const Visit& visit) {
+  switch (type) {
+    case VoxelType::int8:
+      return visit(std::int8_t{});
+    case VoxelType::uint8:
+      return visit(std::uint8_t{});
+    case VoxelType::int16:
+      return visit(std::int16_t{});
+    case VoxelType::uint16:
+      return visit(std::uint16_t{});
+    case VoxelType::int32:
+      return visit(std::int32_t{});
+    case VoxelType::uint32:
+      return visit(std::uint32_t{});
+    case VoxelType::int64:
+      return visit(std::int64_t{});
+    case VoxelType::uint64:
+      return visit(std::uint64_t{});
+    case VoxelType::float32:
+      return visit(float{});
+    case VoxelType::float64:
+      break;
+  }
+  return visit(double{});
+}
+
 /// The content of an image file's header.
 struct ImageHeader {
   std::filesystem::path path;           ///< the user's path, for messages

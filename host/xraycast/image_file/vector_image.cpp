@@ -123,31 +123,9 @@ void to_floats(std::span<const char> bytes, double slope, double intercept, std:
 }
 
 void to_floats(std::span<const char> bytes, const ImageHeader& header, std::span<float> floats) {
-  const auto as = [&]<typename Number>(Number) {
+  with_voxel_type(header.type, [&]<typename Number>(Number) {
     to_floats<Number>(bytes, header.slope, header.intercept, floats);
-  };
-  switch (header.type) {
-    case VoxelType::int8:
-      return as(std::int8_t{});
-    case VoxelType::uint8:
-      return as(std::uint8_t{});
-    case VoxelType::int16:
-      return as(std::int16_t{});
-    case VoxelType::uint16:
-      return as(std::uint16_t{});
-    case VoxelType::int32:
-      return as(std::int32_t{});
-    case VoxelType::uint32:
-      return as(std::uint32_t{});
-    case VoxelType::int64:
-      return as(std::int64_t{});
-    case VoxelType::uint64:
-      return as(std::uint64_t{});
-    case VoxelType::float32:
-      return as(float{});
-    case VoxelType::float64:
-      return as(double{});
-  }
+  });
 }
 
 /// Numbers `first` to `first + floats.size() - 1` of those that are stored.
