@@ -245,8 +245,7 @@ std::shared_ptr<const Displacement> displacement_of(const StoredTransform& store
   }
   throw InputError(
       "{}: transforms of the kind {} are not supported; save an affine, rigid, B-spline or displacement "
-      "field "
-      "transform, or the field itself as .nrrd",
+      "field transform, or the field itself as .nrrd",
       name, excerpt(type.kind));
 }
 
@@ -273,8 +272,7 @@ std::shared_ptr<const Displacement> read_displacement(const std::filesystem::pat
   if (!is_image_file(path))
     throw InputError(
         "{}: neither a field of vectors (NRRD, MetaImage, NIfTI) nor an ITK transform (.tfm, .h5, .mat); "
-        "give "
-        "one of these",
+        "give one of these",
         path.string());
   VectorImage image = read_vector_image(path);
   if (warnings)

@@ -85,12 +85,12 @@ void warn_of_folds(const MotionMode& mode, std::vector<std::string>& warnings) {
     const Displacement::Folds folds = key.moves->folds();
     if (folds.nodes == 0) continue;
     const glm::dvec3& at = folds.first_mm;
-    warnings.push_back(fmt::format(
-        "the field of {} at phase {:g} folds at {} of {} (Jacobian determinant down to {:.2g}, first at "
-        "{:.0f}, "
-        "{:.0f}, {:.0f} mm): tissue shows twice there, and its inverse is not unique; smooth the field",
-        mode.name, key.phase, folds.nodes, pluralize(folds.of, "node"), folds.least_determinant, at.x, at.y,
-        at.z));
+    warnings.push_back(
+        fmt::format("the field of {} at phase {:g} folds at {} of {} (Jacobian determinant down to {:.2g}, "
+                    "first at {:.0f}, {:.0f}, {:.0f} mm): tissue shows twice there, and its inverse is not "
+                    "unique; smooth the field",
+                    mode.name, key.phase, folds.nodes, pluralize(folds.of, "node"), folds.least_determinant,
+                    at.x, at.y, at.z));
   }
 }
 

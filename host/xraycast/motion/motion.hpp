@@ -93,8 +93,8 @@ class HeldMotion {
   const std::vector<std::vector<Part>>& modes() const { return modes_; }
 
   /// The place x of the moved body that shows what lies at y in the scan: where a part of the scan, a vessel
-  /// or a device, goes. Solved for by fixed points and Newton's method; where the displacement folds there
-  /// may be several, of which one near the guess is found, or none.
+  /// or an instrument, goes. Solved for by fixed points and Newton's method; where the displacement folds
+  /// there may be several, of which one near the guess is found, or none.
   InverseResult inverse_mm(const glm::dvec3& y_mm) const { return inverse_mm(y_mm, y_mm); }
 
   /// The same, starting at a guess such as the place of the instant before.

@@ -111,16 +111,14 @@ void require_coverage(const Samples::Count& count, const VolumeGeometry& scan,
   if (count.covered == 0)
     throw InputError(
         "{}: its displacements lie elsewhere than the body, which is within {:.0f} to {:.0f}, {:.0f} to "
-        "{:.0f} and "
-        "{:.0f} to {:.0f} mm (LPS); give fields in the scan's own frame",
+        "{:.0f} and {:.0f} to {:.0f} mm (LPS); give fields in the scan's own frame",
         motion_name, lower_mm.x, upper_mm.x, lower_mm.y, upper_mm.y, lower_mm.z, upper_mm.z);
   constexpr double kTear_mm = 1;  // less shows as little as a voxel
   if (count.torn_mm <= kTear_mm) return;
   const glm::dvec3& at = count.torn_at_mm;
   throw InputError(
       "{}: its displacements end within the body, at {:.0f}, {:.0f}, {:.0f} mm, where they still are {:.1f} "
-      "mm "
-      "long; give fields that cover the scan or come to rest at their border",
+      "mm long; give fields that cover the scan or come to rest at their border",
       motion_name, at.x, at.y, at.z, count.torn_mm);
 }
 
@@ -212,8 +210,7 @@ std::vector<std::string> check_motion(const Volume& scan, const HeldMotion& moti
   if (share <= kMuch) return {};
   return {
       fmt::format("{:.2g} % of the body show what lies beyond the scan, which is air; if that is not meant, "
-                  "check the sign of "
-                  "{}: the place x shows what lies at x + d(x) in the scan, in mm, LPS",
+                  "check the sign of {}: the place x shows what lies at x + d(x) in the scan, in mm, LPS",
                   100 * share, motion_name)};
 }
 
