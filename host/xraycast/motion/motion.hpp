@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -48,6 +49,10 @@ struct MotionMode {
   /// monotone cubic (Fritsch and Carlson, SIAM J. Numer. Anal. 1980) between its samples. Where the mode
   /// wraps, its phases may grow beyond 1, and whole numbers do not count.
   double phase_at(double time_s) const;
+
+  /// The first time at or after another at which the phase, 0 to 1, is this one; nothing where a waveform
+  /// never has it. Where the mode wraps, phases 0 and 1 are the same.
+  std::optional<double> next_time_s(double phase, double from_s) const;
 
   /// How much each key counts at a phase.
   std::vector<double> weights_at(double phase) const;

@@ -33,24 +33,89 @@ double monotone_slope(double before, double before_s, double after, double after
 }
 
 /// Repeats with the time from the first to the last sample; the phase grows as much in each repetition.
-double waveform_at(const std::vector<PhaseSample>& samples, double time_s) {
-  const double first_s = samples.front().time_s, repeats_s = samples.back().time_s - first_s;
-  const double turns = std::floor((time_s - first_s) / repeats_s);
-  const double growth = samples.back().phase - samples.front().phase;
-  const double time_of_first_s = std::clamp(time_s - turns * repeats_s, first_s, samples.back().time_s);
-  const std::size_t i = interval_of(samples, time_of_first_s, &PhaseSample::time_s);
-  const std::size_t intervals = samples.size() - 1;
-  const auto length_s = [&](std::size_t k) { return samples[k + 1].time_s - samples[k].time_s; };
-  const auto secant = [&](std::size_t k) { return (samples[k + 1].phase - samples[k].phase) / length_s(k); };
-  const auto slope = [&](std::size_t before, std::size_t after) {
-    return monotone_slope(secant(before), length_s(before), secant(after), length_s(after));
+class Waveform {
+ public:
+  explicit Waveform(const std::vector<PhaseSample>& samples)
+      : samples_(samples),
+        repeats_s_(samples.back().time_s - samples.front().time_s),
+        growth_(samples.back().phase - samples.front().phase) {}
+
+  double at(double time_s) const {
+    const Place place = place_of(time_s);
+    return piece_at(place.piece, place.time_s) + place.turns * growth_;
+  }
+
+  /// The first time from `from_s` on at which the phase is `phase`, or differs by a whole number where it
+  /// wraps.
+  std::optional<double> next(double phase, double from_s, bool wraps) const {
+    Place place = place_of(from_s);
+    // Once through all pieces, and the first of them from its start.
+    for (std::size_t pieces = 0; pieces <= samples_.size() - 1; ++pieces) {
+      const double end_s = samples_[place.piece + 1].time_s;
+      const double sought = phase - place.turns * growth_;
+      if (const auto found_s = next_in_piece(place.piece, sought, place.time_s, end_s, wraps))
+        return *found_s + place.turns * repeats_s_;
+      if (++place.piece == samples_.size() - 1) {
+        place.piece = 0;
+        place.turns += 1;
+      }
+      place.time_s = samples_[place.piece].time_s;
+    }
+    return {};
+  }
+
+ private:
+  /// A piece between two samples, a time within it, and the repetitions before.
+  struct Place {
+    std::size_t piece;
+    double time_s, turns;
   };
-  const Hermite h((time_of_first_s - samples[i].time_s) / length_s(i));
-  return samples[i].phase * h.value0 + samples[i + 1].phase * h.value1 +
-         length_s(i) * (slope((i + intervals - 1) % intervals, i) * h.slope0 +
-                        slope(i, (i + 1) % intervals) * h.slope1) +
-         turns * growth;
-}
+
+  Place place_of(double time_s) const {
+    const double first_s = samples_.front().time_s, turns = std::floor((time_s - first_s) / repeats_s_);
+    const double within_s = std::clamp(time_s - turns * repeats_s_, first_s, samples_.back().time_s);
+    return {interval_of(samples_, within_s, &PhaseSample::time_s), within_s, turns};
+  }
+
+  double length_s(std::size_t piece) const { return samples_[piece + 1].time_s - samples_[piece].time_s; }
+  double secant(std::size_t piece) const {
+    return (samples_[piece + 1].phase - samples_[piece].phase) / length_s(piece);
+  }
+
+  double piece_at(std::size_t piece, double time_s) const {
+    const std::size_t pieces = samples_.size() - 1;
+    const auto slope = [&](std::size_t before, std::size_t after) {
+      return monotone_slope(secant(before), length_s(before), secant(after), length_s(after));
+    };
+    const Hermite h((time_s - samples_[piece].time_s) / length_s(piece));
+    return samples_[piece].phase * h.value0 + samples_[piece + 1].phase * h.value1 +
+           length_s(piece) * (slope((piece + pieces - 1) % pieces, piece) * h.slope0 +
+                              slope(piece, (piece + 1) % pieces) * h.slope1);
+  }
+
+  /// By bisection, for a piece is monotone.
+  std::optional<double> next_in_piece(std::size_t piece, double phase, double start_s, double end_s,
+                                      bool wraps) const {
+    constexpr double kRounding = 1e-12;
+    const double at_start = piece_at(piece, start_s), at_end = samples_[piece + 1].phase;
+    const double direction = at_end < at_start ? -1 : 1;
+    // The first in the way, of those that are a whole number away.
+    const double target =
+        wraps ? phase + direction * std::ceil(direction * (at_start - phase) - kRounding) : phase;
+    const double to_go = direction * (target - at_start);
+    if (to_go < -kRounding || to_go > direction * (at_end - at_start) + kRounding) return {};
+    if (to_go <= kRounding) return start_s;
+    double before_s = start_s, after_s = end_s;
+    for (int step = 0; step < 60; ++step) {
+      const double middle_s = 0.5 * (before_s + after_s);
+      (direction * (piece_at(piece, middle_s) - target) < 0 ? before_s : after_s) = middle_s;
+    }
+    return after_s;
+  }
+
+  const std::vector<PhaseSample>& samples_;
+  double repeats_s_, growth_;
+};
 
 }  // namespace
 
@@ -64,8 +129,20 @@ double MotionMode::phase_at(double time_s) const {
     const double turns = time_s / period_s, share = turns - std::floor(turns);
     return wraps() ? share : 0.5 * (1 - std::cos(2 * std::numbers::pi * share));
   }
-  const double phase = waveform_at(waveform, time_s);
+  const double phase = Waveform(waveform).at(time_s);
   return wraps() ? phase - std::floor(phase) : std::clamp(phase, 0.0, 1.0);
+}
+
+std::optional<double> MotionMode::next_time_s(double phase, double from_s) const {
+  if (!waveform.empty()) return Waveform(waveform).next(phase, from_s, wraps());
+  // The shares of a period at which the phase is this one, once or on the way there and back.
+  const double there =
+      wraps() ? phase - std::floor(phase) : std::acos(1 - 2 * phase) / (2 * std::numbers::pi);
+  const double back = wraps() ? there : 1 - there;
+  const auto first_from = [&](double share) {
+    return period_s * (std::ceil(from_s / period_s - share) + share);
+  };
+  return std::min(first_from(there), first_from(back));
 }
 
 std::vector<double> MotionMode::weights_at(double phase) const {
