@@ -276,7 +276,8 @@ TEST(BodyClock, TracesTheEcgAndTheBreath) {
   const BodyClock clock = clock_of({breath(), heart()});
   const std::vector<double> traces = clock.traces_at(0.8);
   EXPECT_NEAR(traces[0], breath_at(0.8), kRounding);
-  EXPECT_NEAR(traces[1], 1, kRounding);
+  EXPECT_EQ(traces[1], ecg(clock.phases_at(0.8)[1]));
+  EXPECT_NEAR(traces[1], 1, 1e-3);  // the tails of Q and S move the peak a little
   EXPECT_NEAR(clock.traces_at(1.0)[1], ecg(0.25), kRounding);
 }
 
@@ -292,7 +293,8 @@ TEST(Ecg, HasTheWavesOfTheModelInOrder) {
   EXPECT_NEAR(peaks[0], -1 / 6.0, 1 / 60.0);
   EXPECT_NEAR(peaks[1], 0, 1 / 60.0);
   EXPECT_NEAR(peaks[2], 0.25, 1 / 60.0);
-  EXPECT_NEAR(valleys[0], -1 / 24.0, 1 / 60.0);
+  EXPECT_THAT(valleys, testing::Contains(testing::DoubleNear(-1 / 24.0, 1 / 60.0)));
+  EXPECT_THAT(valleys, testing::Contains(testing::DoubleNear(1 / 24.0, 1 / 60.0)));
   EXPECT_GT(ecg(0.25), ecg(-1 / 6.0));
 }
 
@@ -304,8 +306,9 @@ TEST(Ecg, LiesBetweenZeroAndOneAndRepeats) {
     greatest = std::max(greatest, ecg(phase));
     EXPECT_NEAR(ecg(phase), ecg(phase - 3), kRounding);
   }
-  EXPECT_NEAR(least, 0, 1e-6);
-  EXPECT_EQ(greatest, 1);
+  // The samples miss the extremes by less than 1e-4 of the beat.
+  EXPECT_NEAR(least, 0, 1e-4);
+  EXPECT_NEAR(greatest, 1, 1e-4);
 }
 
 // ---- bad calls -----------------------------------------------------------------------------------------

@@ -94,6 +94,22 @@ void warn_of_folds(const MotionMode& mode, std::vector<std::string>& warnings) {
   }
 }
 
+/// What is summed at a phase, each displacement once.
+std::vector<HeldMotion::Part> parts_of(const MotionMode& mode, double phase) {
+  const std::vector<double> weights = mode.weights_at(phase);
+  std::vector<HeldMotion::Part> parts;
+  for (std::size_t k = 0; k < weights.size(); ++k) {
+    const auto& moves = mode.keys[k].moves;
+    if (!moves || weights[k] == 0) continue;
+    const auto same = std::ranges::find(parts, moves, &HeldMotion::Part::moves);
+    if (same == parts.end())
+      parts.push_back({weights[k], moves});
+    else
+      same->weight += weights[k];
+  }
+  return parts;
+}
+
 }  // namespace
 
 // ---- held ---------------------------------------------------------------------------------------------
@@ -202,21 +218,14 @@ std::vector<double> Motion::phases_of(const std::map<std::string, double>& named
 
 HeldMotion Motion::held_at(std::span<const double> phases) const {
   std::vector<std::vector<HeldMotion::Part>> held;
-  for (std::size_t m = 0; m < modes_.size(); ++m) {
-    const std::vector<double> weights = modes_[m].weights_at(phases[m]);
-    std::vector<HeldMotion::Part> parts;
-    for (std::size_t k = 0; k < weights.size(); ++k) {
-      const auto& moves = modes_[m].keys[k].moves;
-      if (!moves || weights[k] == 0) continue;
-      const auto same = std::ranges::find(parts, moves, &HeldMotion::Part::moves);
-      if (same == parts.end())
-        parts.push_back({weights[k], moves});
-      else
-        same->weight += weights[k];
-    }
-    if (!parts.empty()) held.push_back(std::move(parts));
-  }
+  for (std::size_t m = 0; m < modes_.size(); ++m)
+    if (auto parts = parts_of(modes_[m], phases[m]); !parts.empty()) held.push_back(std::move(parts));
   return HeldMotion(std::move(held));
+}
+
+HeldMotion Motion::mode_held_at(std::size_t mode, double phase) const {
+  auto parts = parts_of(modes_[mode], phase);
+  return parts.empty() ? HeldMotion() : HeldMotion({std::move(parts)});
 }
 
 }  // namespace xraycast

@@ -135,6 +135,9 @@ class Motion {
   /// One phase a mode, in order, 0 to 1.
   HeldMotion held_at(std::span<const double> phases) const;
 
+  /// One mode alone, by its number, as if there were no other.
+  HeldMotion mode_held_at(std::size_t mode, double phase) const;
+
  private:
   std::string name_;
   std::vector<MotionMode> modes_;

@@ -1,7 +1,9 @@
 #include "xraycast/motion/motion.hpp"
+#include "xraycast/motion/phase_weights.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 namespace xraycast {
@@ -146,31 +148,40 @@ std::optional<double> MotionMode::next_time_s(double phase, double from_s) const
 }
 
 std::vector<double> MotionMode::weights_at(double phase) const {
-  std::vector<double> weights(keys.size());
   const bool is_cycle = wraps();
   // The keys of one cycle; one at phase 1 is that at 0.
   const bool is_first_at_end = is_cycle && keys.front().phase == 0 && keys.back().phase == 1;
-  const std::ptrdiff_t count = std::ssize(keys) - (is_first_at_end ? 1 : 0);
+  std::vector<double> phases;
+  for (const KeyPhase& key : keys) phases.push_back(key.phase);
+  if (is_first_at_end) phases.pop_back();
+  std::vector<double> weights = phase_weights(phases, is_cycle, phase);
+  weights.resize(keys.size());
+  return weights;
+}
+
+std::vector<double> phase_weights(std::span<const double> phases, bool wraps, double phase) {
+  std::vector<double> weights(phases.size());
+  const std::ptrdiff_t count = std::ssize(phases);
   const auto index = [&](std::ptrdiff_t k) { return static_cast<std::size_t>((k % count + count) % count); };
   const auto phase_of = [&](std::ptrdiff_t k) {
-    return keys[index(k)].phase + std::floor(static_cast<double>(k) / static_cast<double>(count));
+    return phases[index(k)] + std::floor(static_cast<double>(k) / static_cast<double>(count));
   };
   std::ptrdiff_t below = 0;
-  if (is_cycle) {
-    if (phase < keys.front().phase) phase += 1;
+  if (wraps) {
+    if (phase < phases.front()) phase += 1;
     while (below + 1 < count && phase_of(below + 1) <= phase) ++below;
   } else {
-    below = static_cast<std::ptrdiff_t>(interval_of(keys, phase, &KeyPhase::phase));
+    below = static_cast<std::ptrdiff_t>(interval_of(phases, phase, std::identity{}));
   }
   const double start = phase_of(below), length = phase_of(below + 1) - start;
   const Hermite h((phase - start) / length);
   weights[index(below)] += h.value0;
   weights[index(below + 1)] += h.value1;
-  // The slope at a key is that from the key before to the key after; at an end of a mode that does not wrap,
+  // The slope at a phase is that from the one before to the one after; at an end of those that do not wrap,
   // that of the interval.
   const auto add_slope = [&](std::ptrdiff_t key, double weight) {
-    const std::ptrdiff_t before = is_cycle || key > 0 ? key - 1 : key,
-                         after = is_cycle || key + 1 < count ? key + 1 : key;
+    const std::ptrdiff_t before = wraps || key > 0 ? key - 1 : key,
+                         after = wraps || key + 1 < count ? key + 1 : key;
     const double per_phase = weight * length / (phase_of(after) - phase_of(before));
     weights[index(after)] += per_phase;
     weights[index(before)] -= per_phase;

@@ -17,40 +17,73 @@ FieldGrid field_grid_of(const VolumeGeometry& geometry) {
   return {geometry.size, geometry.origin_mm, {step_mm.x, 0, 0, 0, step_mm.y, 0, 0, 0, step_mm.z}};
 }
 
+using OrderedJson = nlohmann::ordered_json;
+
+/// The files of a motion, which appear together.
+class MotionFiles {
+ public:
+  MotionFiles(const std::filesystem::path& folder, std::int64_t keys, Progress& progress)
+      : folder_(folder), progress_(progress) {
+    progress.begin("writing the motion", keys, "fields");
+  }
+
+  /// A key's entry; null: a phase without a field.
+  OrderedJson key(const std::string& mode, double phase, const VectorImage* field) {
+    progress_.advance();
+    if (!field) return {{"phase", phase}};
+    const std::string file = fmt::format("{}_{:g}.nrrd", mode, phase);
+    write_vector_image(*field, folder_ / file);
+    return {{"phase", phase}, {"field", file}};
+  }
+
+  void add(const std::string& name, double period_s, const std::vector<std::pair<double, double>>& waveform,
+           const OrderedJson& phases) {
+    OrderedJson one{{"name", name}};
+    if (waveform.empty())
+      one["period_s"] = period_s;
+    else
+      one["waveform"] = waveform;
+    one["phases"] = phases;
+    modes_.push_back(one);
+  }
+
+  void finish() {
+    write_whole_file(folder_ / "motion.json", OrderedJson{{"version", 1}, {"modes", modes_}}.dump(1) + "\n");
+    outputs_.commit();
+  }
+
+ private:
+  OutputSet outputs_;
+  std::filesystem::path folder_;
+  Progress& progress_;
+  OrderedJson modes_ = OrderedJson::array();
+};
+
 }  // namespace
 
 void write_motion(const std::vector<ScaledMode>& modes, const std::filesystem::path& folder,
                   Progress& progress) {
-  using Json = nlohmann::ordered_json;
   std::int64_t keys = 0;
   for (const ScaledMode& mode : modes) keys += std::ssize(mode.keys);
-  progress.begin("writing the motion", keys, "fields");
-  OutputSet outputs;
-  Json described = Json::array();
+  MotionFiles files(folder, keys, progress);
   for (const ScaledMode& mode : modes) {
-    Json phases = Json::array();
+    OrderedJson phases = OrderedJson::array();
     for (const auto& [phase, share] : mode.keys) {
-      progress.advance();
-      if (share == 0) {
-        phases.push_back({{"phase", phase}});
-        continue;
-      }
-      std::vector<glm::vec3> field_mm = mode.field_mm;
-      for (glm::vec3& d : field_mm) d *= static_cast<float>(share);
-      const std::string file = fmt::format("{}_{:g}.nrrd", mode.name, phase);
-      write_vector_image({field_grid_of(mode.nodes), std::move(field_mm)}, folder / file);
-      phases.push_back({{"phase", phase}, {"field", file}});
+      VectorImage field{field_grid_of(mode.nodes), share == 0 ? std::vector<glm::vec3>{} : mode.field_mm};
+      for (glm::vec3& d : field.vectors) d *= static_cast<float>(share);
+      phases.push_back(files.key(mode.name, phase, share == 0 ? nullptr : &field));
     }
-    Json one{{"name", mode.name}};
-    if (mode.waveform.empty())
-      one["period_s"] = mode.period_s;
-    else
-      one["waveform"] = mode.waveform;
-    one["phases"] = phases;
-    described.push_back(one);
+    files.add(mode.name, mode.period_s, mode.waveform, phases);
   }
-  write_whole_file(folder / "motion.json", Json{{"version", 1}, {"modes", described}}.dump(1) + "\n");
-  outputs.commit();
+  files.finish();
+}
+
+void write_motion(const FieldMode& mode, const std::filesystem::path& folder, Progress& progress) {
+  MotionFiles files(folder, std::ssize(mode.keys), progress);
+  OrderedJson phases = OrderedJson::array();
+  for (const auto& [phase, field] : mode.keys) phases.push_back(files.key(mode.name, phase, field));
+  files.add(mode.name, mode.period_s, mode.waveform, phases);
+  files.finish();
 }
 
 }  // namespace xraycast

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/image_file/vector_image.hpp"
 #include "xraycast/volume/volume.hpp"
 
 #include <glm/vec3.hpp>
@@ -22,10 +23,21 @@ struct ScaledMode {
   std::vector<glm::vec3> field_mm{};  ///< pull-backs at the nodes, x fastest
 };
 
+/// A mode of motion with a displacement field, or none, at each of some phases.
+struct FieldMode {
+  std::string name;
+  double period_s = 0;
+  std::vector<std::pair<double, double>> waveform{};          ///< as above
+  std::vector<std::pair<double, const VectorImage*>> keys{};  ///< phases from 0 to 1; null: the scan itself
+};
+
 /// Writes modes, which are composed in their order, as `motion.json` of an existing folder, with a field for
 /// each key whose share is not 0, such as `breath_1.nrrd`. A stage of `progress`. Throws InputError when they
 /// cannot be written and Error when the disk is full.
 void write_motion(const std::vector<ScaledMode>& modes, const std::filesystem::path& folder,
                   Progress& progress);
+
+/// The same of one mode.
+void write_motion(const FieldMode& mode, const std::filesystem::path& folder, Progress& progress);
 
 }  // namespace xraycast

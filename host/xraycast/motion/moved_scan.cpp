@@ -2,7 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/volume/rescale.hpp"
+#include "xraycast/volume/trilinear_hu.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -131,8 +131,7 @@ class MovedSource final : public SliceSource {
         motion_(std::move(motion)),
         hu_range_(hu_range),
         volume_(scan_->geometry()),
-        last_(glm::dvec3(volume_.size) - 1.0),
-        per_mm_(1.0 / volume_.spacing_mm) {}
+        hu_(*scan_) {}
 
   const VolumeGeometry& geometry() const override { return volume_; }
   HuRange hu_range() const override { return hu_range_; }
@@ -160,38 +159,14 @@ class MovedSource final : public SliceSource {
     std::vector<glm::dvec3> places_mm(static_cast<std::size_t>(volume_.size.x));
     for (std::size_t x = 0; x < places_mm.size(); ++x) places_mm[x] = volume_.to_world_mm({x, y, z});
     motion_.displace(places_mm);
-    for (std::size_t x = 0; x < places_mm.size(); ++x)
-      out[x] = hu_at((places_mm[x] - volume_.origin_mm) * per_mm_);
-  }
-
-  std::int16_t hu_at(glm::dvec3 index) const {
-    // Written so that NaN is air.
-    if (!(glm::all(glm::greaterThanEqual(index, glm::dvec3(-0.5))) &&
-          glm::all(glm::lessThanEqual(index, last_ + 0.5))))
-      return kPaddingHu;
-    index = glm::clamp(index, glm::dvec3(0), last_);
-    const auto i = static_cast<std::int64_t>(index.x), j = static_cast<std::int64_t>(index.y),
-               k = static_cast<std::int64_t>(index.z);
-    const double u = index.x - static_cast<double>(i), v = index.y - static_cast<double>(j),
-                 w = index.z - static_cast<double>(k);
-    const Index3& size = volume_.size;
-    const std::int64_t right = i + 1 < size.x ? 1 : 0, below = j + 1 < size.y ? size.x : 0,
-                       above = k + 1 < size.z ? size.x * size.y : 0;
-    const std::int16_t* at = scan_->hu().data() + (k * size.y + j) * size.x + i;
-    const auto along_x = [&](std::int64_t offset) {
-      return at[offset] + u * (at[offset + right] - at[offset]);
-    };
-    const double lower = along_x(0) + v * (along_x(below) - along_x(0));
-    const double upper = along_x(above) + v * (along_x(above + below) - along_x(above));
-    return static_cast<std::int16_t>(std::lrint(lower + w * (upper - lower)));
+    for (std::size_t x = 0; x < places_mm.size(); ++x) out[x] = hu_.at(places_mm[x]);
   }
 
   std::shared_ptr<const Volume> scan_;
   HeldMotion motion_;
   HuRange hu_range_;
   VolumeGeometry volume_;
-  glm::dvec3 last_;    ///< voxel
-  glm::dvec3 per_mm_;  ///< voxels
+  TrilinearHu hu_;
   std::int64_t next_ = 0;
 };
 
