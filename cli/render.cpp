@@ -1,5 +1,6 @@
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/motion_options.hpp"
 #include "options/scene_options.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
@@ -10,7 +11,9 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/geometry/moved_vessels.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/session_map.hpp"
 #include "xraycast/scene/vessels.hpp"
 
@@ -29,6 +32,8 @@ namespace fs = std::filesystem;
 struct RenderArguments {
   std::string map, output, session, cine, layer_weights;
   SceneOptions scene;
+  MotionOptions motion;
+  std::vector<std::string> road_map_phases;
   std::optional<std::string> look, compositing, reconstruction;
   std::optional<double> wall_radius_mm;
   bool full_contrast = false, annotations = false;
@@ -92,18 +97,50 @@ void check_output(const RenderArguments& options) {
   }
 }
 
-/// The session's map, vessels and instruments.
+/// Of the vessels. Throws InputError where it moves nothing.
+MotionRequest motion_request(const RenderArguments& options, const ViewSession& scene) {
+  MotionRequest request = parse_motion(options.motion);
+  if (request.is_given() && scene.vessels.empty())
+    throw InputError(
+        "--motion {}: moves vessels; give --vessels too, or leave it out: a map stays as it was cast",
+        options.motion.motion);
+  if (!options.road_map_phases.empty() && !(scene.steered && scene.steered->has_road_map))
+    throw InputError(
+        "--road-map-phase {}: there is no road map; give a --session that has one, or leave it out",
+        options.road_map_phases.front());
+  return request;
+}
+
+/// A road map shows the vessels as they were when it was taken, whatever the body does since.
+VesselTree road_map_of(const ViewSession& session, const RenderArguments& options,
+                       const Invocation& program) {
+  const VesselTree tree = read_tree(session.vessels);
+  if (options.road_map_phases.empty()) return tree;
+  const HeldMotion taken =
+      held_motion({options.motion.motion, parse_phases(options.road_map_phases), {}}).held;
+  MovedVessels<VesselTree> moved_tree = moved(tree, taken);
+  program.say(moved_tree.lost.notes(session.vessels.string()));
+  return std::move(moved_tree.vessels);
+}
+
+/// The session's map, vessels and instruments, of which the vessels move with the body.
 MapScene read_scene(const ViewSession& session, const std::shared_ptr<const BodyMap>& map,
+                    const MotionOfRequest& motion, const RenderArguments& options,
                     const Invocation& program) {
   MapScene scene{.map = map};
+  program.say(motion.warnings);
+  program.say(notes_on_instant(map->source, motion));
   if (session.steered) {
     scene.instruments = steered_surfaces(*session.steered);
     if (session.steered->has_road_map && !session.vessels.empty())
-      scene.road_map = read_tree(session.vessels);
+      scene.road_map = road_map_of(session, options, program);
     return scene;
   }
   if (!session.vessels.empty()) {
-    scene.vessels = read_vessels(session.vessels, session.contrast_mg_ml);
+    std::vector<std::string> notes;
+    scene.vessels = moved(read_vessels(session.vessels, session.contrast_mg_ml), motion.held,
+                          session.vessels.string(), notes);
+    program.say(notes);
     program.say(
         notes_on_place(scene.vessels->mesh.points_mm, bounds_of(map->geometry), session.vessels.string()));
   }
@@ -159,6 +196,7 @@ void render(const RenderArguments& options, Invocation& invocation) {
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
   ViewSession scene = resolve_scene(options.session, options.map, options.scene);
   const PictureOptions picture = picture_of(options, scene);
+  const MotionOfRequest motion = held_motion(motion_request(options, scene));
   scene.style = picture.style;
   const auto& fluoroscope = picture.acquisition.fluoroscope;
   const auto map = load_map(scene, invocation.device);
@@ -170,7 +208,8 @@ void render(const RenderArguments& options, Invocation& invocation) {
   if (fluoroscope && !map->spectrum()) note_on_energies(invocation);
   const HeadlessContext context;
   Renderer renderer;
-  MapAcquisition frames(renderer, read_scene(scene, map, invocation), picture, views.front());
+  MapAcquisition frames(renderer, read_scene(scene, map, motion, options, invocation), picture,
+                        views.front());
   const Stopwatch stopwatch;
   FrameFile file(options.output,
                  {.is_cine = !cine_deg.empty(),
@@ -186,6 +225,7 @@ void render(const RenderArguments& options, Invocation& invocation) {
               {"device", gl_device_name()},
               {"texture_B", renderer.texture_B()},
               {"frames", views.size()}};
+  if (!motion.phases.empty()) result["motion"] = to_json(motion);
   if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
   std::string dose;
   if (const auto exposure = frames.acquisition().record()) {
@@ -214,6 +254,8 @@ void add_render(CLI::App& app, Invocation& invocation) {
       "  xraycast render map.exr -o lao30.png --angle 30\n"
       "  xraycast render map.exr -o frame.png --vessels thorax-truth --look surface --size 1280x720\n"
       "  xraycast render map.exr -o dsa.png --vessels thorax-truth --look dsa --contrast 300\n"
+      "  xraycast render inhaled.exr -o frame.png --vessels thorax-truth --motion motion.json --phase "
+      "breath=1\n"
       "  xraycast render map.exr -o frames --cine 0:360:5\n"
       "  xraycast render map.exr -o run.dcm --cine=-30:30:2 --cone 780,1200\n"
       "  xraycast render map.exr -o fluoro.png --c-arm mobile-flat-panel --dose low --collimate 200,150\n"
@@ -230,6 +272,16 @@ void add_render(CLI::App& app, Invocation& invocation) {
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
   add_scene_options(*command, options->scene);
+  add_motion_options(*command, options->motion,
+                     "the vessels are where they are then; give a map that was cast at the same instant");
+  command
+      ->add_option(
+          "--road-map-phase", options->road_map_phases,
+          "The phase of a mode at which a session's road map was taken, and at which it stays, however "
+          "the body moves; by default the vessels at rest. Repeat it for several modes")
+      ->allow_extra_args(false)
+      ->needs("--motion")
+      ->type_name("NAME=0..1");
   command
       ->add_option(
           "--look", options->look,

@@ -18,6 +18,7 @@
 #include "xraycast/reports/map_preview.hpp"
 #include "xraycast/requests/cast_request.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
+#include "xraycast/scene/same_scan.hpp"
 
 #include <filesystem>
 #include <nanobind/stl/filesystem.h>
@@ -115,6 +116,7 @@ struct RenderArguments {
 FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const RenderArguments& given,
                      const nb::object& progress) {
   HeldScene scene = scene_of(given.scene);
+  warn(notes_on_instant(body.map->source, scene.motion));
   PictureOptions picture;
   choose_look(given.look, picture);
   picture.style.sampling.compositing = parse_compositing(given.compositing);
@@ -237,15 +239,22 @@ void add_body(nb::module_& module) {
              const ArrayArgument& centre_mm, const VesselsArgument& vessels,
              const InstrumentsArgument& instruments, double contrast_mg_ml, const std::string& look,
              const std::string& compositing, const FluoroscopeArgument& fluoroscope,
+             const PathArgument& motion, const PhaseArgument& phase, const TimeArgument& time,
              const ProgressArgument& progress) {
+            const MotionRequest request = motion_request_of(motion, phase, time);
+            if (request.is_given() && vessels.is_none())
+              throw InputError(
+                  "motion: moves vessels; give vessels, or leave it out: a map stays as it was cast");
             return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
-                          {{vessels, instruments, contrast_mg_ml}, look, compositing, fluoroscope}, progress);
+                          {{vessels, instruments, contrast_mg_ml, request}, look, compositing, fluoroscope},
+                          progress);
           },
           nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
           nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
           nb::arg("centre_mm") = nb::none(), nb::arg("vessels") = nb::none(),
           nb::arg("instruments") = nb::none(), nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
           nb::arg("look") = "fluoro", nb::arg("compositing") = "path", nb::arg("fluoroscope") = nb::none(),
+          nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(), nb::arg("time") = nb::none(),
           nb::arg("progress") = nb::none(),
           "A Frame from any C-arm angle, or Frames if angles are lists; poses and fluoroscope are as in "
           "Scan.project. Drawn by OpenGL, in software if there is no GPU.\n\n"
@@ -255,7 +264,9 @@ void add_body(nb::module_& module) {
           "look: fluoro: vessels and instruments attenuate; surface: they are opaque, and depths end at "
           "them; dsa: depths are the differences from the picture without the vessels.\n"
           "compositing: how shells add up along a ray: path, by the path length in each, or wall, once per "
-          "wall, as in the paper.")
+          "wall, as in the paper.\n"
+          "motion, phase, time: the vessels are where they are at an instant of the body's motion, as in "
+          "Scan.moved; give a map cast at the same instant. Instruments stay where they are.")
       .def(
           "preview",
           [](const HeldBody& self, const std::string& preview_window) {

@@ -5,7 +5,10 @@
 #include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/motion/moved_scan.hpp"
+#include "xraycast/phase_registration/motion_registration.hpp"
+#include "xraycast/reports/registration_report.hpp"
 
+#include <filesystem>
 #include <map>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -76,6 +79,56 @@ HeldScan moved(HeldScan& scan, const PathArgument& motion, const PhaseArgument& 
   return moved;
 }
 
+/// Scans and paths, in their order.
+std::vector<PhaseOfScan> phases_of_scans(const nb::object& phases) {
+  if (!nb::isinstance<nb::sequence>(phases) || nb::isinstance<nb::str>(phases))
+    throw InputError("phases: must be a list of scans or their paths");
+  std::vector<PhaseOfScan> opened;
+  for (const nb::handle phase : nb::borrow<nb::sequence>(phases)) {
+    if (const HeldScan* scan = nullptr; nb::try_cast(phase, scan) && scan)
+      opened.push_back({scan->source(),
+                        [volume = scan->volume(), frame = frame_of_reference_uid(scan->info())](Progress&) {
+                          return RegisteredScan{volume, frame};
+                        }});
+    else
+      opened.push_back(phase_of_file(path_of(phase)));
+  }
+  return opened;
+}
+
+nb::list entries_of(const RegisteredMotion& motion) {
+  nb::list entries;
+  for (const PhaseRegistration& phase : motion.phases) {
+    nb::dict entry;
+    entry["scan"] = text_object(phase.name);
+    entry["phase"] = phase.phase;
+    entry["longest_mm"] = phase.longest_mm;
+    entry["before_hu"] = phase.before_hu;
+    entry["after_hu"] = phase.after_hu;
+    if (phase.landmarks) {
+      entry["landmarks_before_mm"] = phase.landmarks->before_mm;
+      entry["landmarks_after_mm"] = phase.landmarks->after_mm;
+    }
+    entries.append(entry);
+  }
+  return entries;
+}
+
+nb::list register_scans(const HeldScan& scan, nb::handle phases, nb::handle folder,
+                        const MotionRegistrationRequest& request, const nb::object& progress) {
+  const std::vector<PhaseOfScan> opened = phases_of_scans(nb::borrow(phases));
+  const std::filesystem::path path = path_of(folder);
+  check(request, opened.size());
+  const RegisteredScan reference{scan.volume(), frame_of_reference_uid(scan.info())};
+  const RegisteredMotion motion = result_of(progress, [&](Progress& reported) {
+    RegisteredMotion found = register_phases(reference, scan.source(), opened, request, reported);
+    write_registration(found, scan.source(), path, reported);
+    return found;
+  });
+  warn(motion.warnings);
+  return entries_of(motion);
+}
+
 }  // namespace
 
 MotionRequest motion_request_of(const nb::object& motion, const nb::object& phase, const nb::object& time) {
@@ -136,6 +189,37 @@ void add_motion(nb::module_& module, nb::class_<HeldScan>& scan) {
       .def("__repr__", [](const Motion& m) {
         return text_object(fmt::format("<xraycast.Motion of {}: {} modes>", m.name(), m.modes().size()));
       });
+  scan.def(
+      "register_phases",
+      [](const HeldScan& self, nb::handle phases, nb::handle folder, const std::string& mode, double period_s,
+         std::vector<double> at, double grid_mm, double spacing_mm, const nb::object& landmarks,
+         const nb::object& mask, const nb::object& progress) {
+        MotionRegistrationRequest request{mode, period_s, std::move(at), grid_mm, spacing_mm, {}, {}};
+        if (!landmarks.is_none()) request.landmarks = path_of(landmarks);
+        if (!mask.is_none()) request.mask = path_of(mask);
+        return register_scans(self, phases, folder, request, progress);
+      },
+      nb::arg("phases"), nb::arg("folder"), nb::kw_only(), nb::arg("mode") = "breath",
+      nb::arg("period_s") = 4.0, nb::arg("at") = nb::make_tuple(), nb::arg("grid_mm") = 20.0,
+      nb::arg("spacing_mm") = 4.0, nb::arg("landmarks") = nb::none(), nb::arg("mask") = nb::none(),
+      nb::arg("progress") = nb::none(),
+      nb::sig(
+          "def register_phases(self, phases: Sequence[Scan | str | os.PathLike[str]], folder: str | "
+          "os.PathLike[str], *, mode: str = 'breath', period_s: float = 4.0, at: Sequence[float] = (), "
+          "grid_mm: float = 20.0, spacing_mm: float = 4.0, landmarks: str | os.PathLike[str] | None = None, "
+          "mask: str | os.PathLike[str] | None = None, progress: xraycast._progress.Listener | None = None) "
+          "-> list[dict[str, typing.Any]]"),
+      "Registers the phases of a 4D CT to this scan, one of them, by the program elastix, and writes "
+      "motion.json, "
+      "its fields and report.png into a folder, as `xraycast motion` does.\n\n"
+      "phases: the others, in their order.  mode: the movement's name.  period_s: of a cycle, or there and "
+      "back.\n"
+      "at: their phases, above 0, which is this scan's, and up to 1; else evenly spaced over a cycle.\n"
+      "grid_mm: between the nodes of the B-spline.  spacing_mm: between those of the fields.\n"
+      "landmarks: a CSV of pairs: the phase's number from 1, x, y, z in this scan, x, y, z in the phase, mm, "
+      "LPS.\n"
+      "mask: a scan, above 0 where the phases are to match.\n"
+      "Returns for each phase how far it moves and the difference to this scan before and after.");
   scan.def("moved", moved, nb::arg("motion"), nb::kw_only(), nb::arg("phase") = nb::none(),
            nb::arg("time") = nb::none(), nb::arg("progress") = nb::none(),
            "The scan at an instant of its motion, on the same grid.\n\n"

@@ -132,13 +132,11 @@ void add_projection(nb::class_<HeldScan>& scan) {
          const VesselsArgument& vessels, const InstrumentsArgument& instruments, double contrast_mg_ml,
          const FluoroscopeArgument& fluoroscope, const PathArgument& motion, const PhaseArgument& phase,
          const TimeArgument& time, const ProgressArgument& progress) {
-        if (!motion.is_none() && !(vessels.is_none() && instruments.is_none()))
-          throw InputError(
-              "motion: moves the scan, not its vessels and instruments; draw those of that instant into "
-              "scan.moved(...)");
-        return with_motion(self, motion_request_of(motion, phase, time), progress, [&](HeldScan& taken) {
+        const MotionRequest request = motion_request_of(motion, phase, time);
+        return with_motion(self, request, progress, [&](HeldScan& taken) {
           return project_scan(taken, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
-                              gradient, {vessels, instruments, contrast_mg_ml}, fluoroscope, progress);
+                              gradient, {vessels, instruments, contrast_mg_ml, request}, fluoroscope,
+                              progress);
         });
       },
       nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
@@ -162,9 +160,10 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "vessels, instruments, contrast_mg_ml: drawn into the picture, as in BodyMap.render.\n"
       "fluoroscope: a Fluoroscope, whose pulses the frames then are: Frame.shown, codes, signal_kev and "
       "exposure.\n"
-      "motion, phase, time: the scan is taken at an instant of its motion, as in Scan.moved; for many "
-      "pictures "
-      "of one instant, project what that gives.");
+      "motion, phase, time: the scan is taken at an instant of its motion, as in Scan.moved, with its "
+      "vessels; "
+      "instruments stay where they are. For many pictures of one instant without vessels, project what "
+      "Scan.moved gives.");
 }
 
 }  // namespace xraycast::python

@@ -1,6 +1,7 @@
 #include "scene.hpp"
 
 #include "calls/arguments.hpp"
+#include "calls/job.hpp"
 #include "calls/values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
@@ -68,6 +69,15 @@ std::vector<Surface> HeldScene::all() const {
 HeldScene scene_of(const SceneArguments& arguments) {
   HeldScene scene;
   if (!arguments.vessels.is_none()) scene.vessels = vessels_of(arguments.vessels, arguments.contrast_mg_ml);
+  if (scene.vessels && arguments.motion.is_given()) {
+    std::vector<std::string> notes;
+    scene = result_of(nb::none(), [&](Progress&) {
+      MotionOfRequest motion = held_motion(arguments.motion);
+      Surface vessels = moved(std::move(*scene.vessels), motion.held, "vessels", notes);
+      return HeldScene{std::move(vessels), {}, std::move(motion)};
+    });
+    warn(notes);
+  }
   if (!arguments.instruments.is_none())
     scene.instruments = steered_surfaces({.instruments = shapes_of(arguments.instruments)});
   return scene;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/motion/motion_request.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
 
@@ -17,19 +18,22 @@ using InstrumentShape = SteeredInstruments::Instrument;
 struct SceneArguments {
   nb::object vessels, instruments;
   double contrast_mg_ml = kUsualContrast_mg_ml;
+  MotionRequest motion{};  ///< of the vessels
 };
 
 /// The same as surfaces.
 struct HeldScene {
   std::optional<Surface> vessels;
   std::vector<Surface> instruments;
+  MotionOfRequest motion{};
 
   /// Both, where no mask is taken.
   std::vector<Surface> all() const;
 };
 
 /// Vessels are Vessels, a VesselTree, a Mesh or a path; instruments are a Catheter, CoaxialInstruments, an
-/// InstrumentShape, or a list of these. Throws InputError, naming the argument.
+/// InstrumentShape, or a list of these, which do not move with the body. Throws InputError, naming the
+/// argument.
 HeldScene scene_of(const SceneArguments& arguments);
 
 /// InstrumentShape.

@@ -6,12 +6,11 @@
 
 namespace xraycast::cli {
 
-void add_motion_options(CLI::App& command, MotionOptions& options) {
-  CLI::Option* motion =
-      command
-          .add_option("--motion", options.motion,
-                      "How the body moves: a motion.json of displacement fields; the moved scan is taken")
-          ->type_name("FILE");
+void add_motion_options(CLI::App& command, MotionOptions& options, const std::string& taken) {
+  CLI::Option* motion = command
+                            .add_option("--motion", options.motion,
+                                        "How the body moves: a motion.json of displacement fields; " + taken)
+                            ->type_name("FILE");
   command
       .add_option("--phase", options.phases,
                   "The phase, 0 to 1, at which a mode of the motion is held; the others are at 0. Repeat it "

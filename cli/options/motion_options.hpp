@@ -15,7 +15,9 @@ struct MotionOptions {
   std::optional<double> time_s;
 };
 
-void add_motion_options(CLI::App& command, MotionOptions& options);
+/// `taken` says in their help what is taken at that instant.
+void add_motion_options(CLI::App& command, MotionOptions& options,
+                        const std::string& taken = "the moved scan is taken");
 
 /// `NAME=0..1` of modes, each once. Throws InputError naming --phase.
 std::map<std::string, double> parse_phases(const std::vector<std::string>& texts);

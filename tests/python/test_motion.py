@@ -67,7 +67,6 @@ def test_convert_writes_the_moved_scan(motion, scan, tmp_path):
     ({"motion": "MOTION", "phase": {"breath": 1}, "time": 1}, "give only one of them"),
     ({"motion": "MOTION", "phase": {"heart": 1}}, "no such mode; choose one of breath"),
     ({"motion": "MOTION", "phase": {"breath": 1.5}}, "must be 0 to 1"),
-    ({"motion": "MOTION", "time": 1, "vessels": "vessels"}, "moves the scan, not its vessels and instruments"),
     ({"motion": "MOTION", "phase": 0.5}, "phase: must be a dict of modes and their phases"),
     ({"motion": "nowhere.json", "time": 1}, "nowhere.json: no such file"),
 ])
@@ -75,3 +74,82 @@ def test_refuses_what_is_no_instant(motion, scan, arguments, message):
     arguments = {name: motion if value == "MOTION" else value for name, value in arguments.items()}
     with pytest.raises(xc.InputError, match=message):
         scan.project(**arguments)
+
+
+
+# What the motion above makes of a place y: 0.9 z' + 2 = z, and x' = x - 8.
+def moved_place(x, y, z):
+    return x - 8, y, (z - 2) / 0.9
+
+
+def test_vessels_move_with_the_scan(motion, scan):
+    tree = xc.VesselTree([([(4, -20, 6, 3), (4, 20, 6, 3)], -1)])
+    there = xc.VesselTree([([(*moved_place(4, y, 6), 3) for y in (-20, 20)], -1)])
+    view = {"lao": 0, "size": (60, 60), "pixel_mm": 2, "centre_mm": (0, 0, 0), "contrast_mg_ml": 300}
+    moved = scan.moved(motion, phase={"breath": 1})
+    drawn = scan.project(**view, vessels=tree, motion=motion, phase={"breath": 1}).tau - moved.project(**view).tau
+    expected = moved.project(**view, vessels=there).tau - moved.project(**view).tau
+    assert expected.max() > 0.1
+    rows, columns = np.mgrid[:60, :60]
+    for places in (rows, columns):  # of the centroids, within a tenth of a pixel
+        assert np.average(places, weights=drawn) == pytest.approx(np.average(places, weights=expected), abs=0.1)
+    # The ball of each ring grows along z by a ninth, as the scan does.
+    assert drawn.sum() == pytest.approx(expected.sum() / 0.9, rel=0.02)
+    # An instrument stays.
+    wire = xc.InstrumentShape([(4, y, 6) for y in (-20, -7, 7, 20)], 2)
+    held = scan.project(**view, instruments=wire, motion=motion, phase={"breath": 1}).tau - moved.project(**view).tau
+    assert held == pytest.approx(moved.project(**view, instruments=wire).tau - moved.project(**view).tau, abs=1e-5)
+
+
+def test_frames_of_a_map_show_the_vessels_at_an_instant(motion, scan):
+    tree = xc.VesselTree([([(4, -20, 6, 3), (4, 20, 6, 3)], -1)])
+    there = xc.VesselTree([([(*moved_place(4, y, 6), 3) for y in (-20, 20)], -1)])
+    body = scan.cast(layers=2, motion=motion, phase={"breath": 1})
+    view = {"lao": 0, "size": (60, 60), "pixel_mm": 2, "centre_mm": (0, 0, 0), "contrast_mg_ml": 300}
+    frame = body.render(**view, vessels=tree, motion=motion, phase={"breath": 1})
+    both = [np.average(np.mgrid[:60, :60], axis=(1, 2), weights=np.stack([f.tau - body.render(**view).tau] * 2))
+            for f in (frame, body.render(**view, vessels=there))]
+    assert both[0] == pytest.approx(both[1], abs=0.1)
+    with pytest.warns(UserWarning, match="cast the map at the same instant"):
+        scan.cast(layers=2).render(**view, vessels=tree, motion=motion, phase={"breath": 1})
+    with pytest.raises(xc.InputError, match="motion: moves vessels; give vessels"):
+        body.render(**view, motion=motion, phase={"breath": 1})
+
+
+def test_phases_are_registered(scan, tmp_path, monkeypatch):
+    # An elastix of our own, which finds a shift by 8 mm.
+    (tmp_path / "elastix").write_text(f"""#!/bin/sh
+[ "$1" = --version ] && exit 0
+while [ $# -gt 0 ]; do case $1 in -out) out=$2;; esac; shift; done
+cat > $out/TransformParameters.0.txt <<END
+(Transform "BSplineTransform")
+(TransformParameters{" 0" * 432}{" -8" * 216})
+(InitialTransformParametersFileName "NoInitialTransform")
+(GridSize 6 6 6)
+(GridSpacing 60 60 60)
+(GridOrigin -150 -150 -150)
+(GridDirection 1 0 0 0 1 0 0 0 1)
+(BSplineTransformSplineOrder 3)
+(UseCyclicTransform "false")
+END
+""")
+    (tmp_path / "elastix").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    up = xc.Scan.from_array(np.roll(scan.hu, 2, axis=0), scan.spacing_mm, scan.origin_mm)
+    up.write(tmp_path / "up.nrrd")
+    (tmp_path / "pairs.csv").write_text("1,0,0,0,0,0,8\n")
+    found = scan.register_phases([up, tmp_path / "up.nrrd"], tmp_path / "motion", at=[0.5, 1], period_s=3,
+                                 landmarks=tmp_path / "pairs.csv")
+    assert [entry["phase"] for entry in found] == [0.5, 1]
+    assert found[0]["after_hu"] == 0 and found[0]["before_hu"] > 100
+    assert found[0]["landmarks_before_mm"] == 8 and found[0]["landmarks_after_mm"] == pytest.approx(0, abs=1e-5)
+    assert found[1]["scan"].endswith("up.nrrd") and "landmarks_after_mm" not in found[1]
+    assert (tmp_path / "motion/report.png").read_bytes().startswith(b"\x89PNG")
+    read = xc.Motion.read(tmp_path / "motion/motion.json")
+    assert read.displacement([(1, 2, 3)], phase={"breath": 1}) == pytest.approx(np.array([[0, 0, -8]]), abs=1e-4)
+    with pytest.raises(xc.InputError, match="there are none"):
+        scan.register_phases([], tmp_path / "none")
+    with pytest.raises(xc.InputError, match="at holds 1 phase for 2 scans"):
+        scan.register_phases([up, up], tmp_path / "none", at=[0.5])
+    with pytest.raises(xc.InputError, match="phases: must be a list"):
+        scan.register_phases("up.nrrd", tmp_path / "none")

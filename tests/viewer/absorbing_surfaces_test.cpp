@@ -1,5 +1,6 @@
 #include "xraycast/scene/absorbing_surfaces.hpp"
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 
 #include <glm/geometric.hpp>
@@ -8,6 +9,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <tuple>
+#include <vector>
 
 namespace xraycast::absorbing_surfaces_test {
 namespace {
@@ -154,6 +157,21 @@ TEST(AbsorbingSurfaces, APartOfThePictureIsThatPart) {
       if (i < 30 || j < 50 || i >= 100 || j >= 90) continue;
       EXPECT_EQ(some[static_cast<std::size_t>(j - 50) * 70 + (i - 30)], expected) << i << ", " << j;
     }
+}
+
+TEST(AbsorbingSurfaces, MovedPointsArePutWhereTheyAre) {
+  AbsorbingSurfaces moving, placed;
+  moving.set(std::vector{rod({0, 0, 10}, {1, 0, 0}), rod({5, 0, 0}, {0, 0, 1})});
+  Surface moved = rod({5, 0, 0}, {0, 0, 1});
+  for (glm::vec3& point : moved.mesh.points_mm) point = point * 1.2f + glm::vec3(3, 8, -5);
+  moving.move(1, moved.mesh.points_mm);
+  placed.set(std::vector{rod({0, 0, 10}, {1, 0, 0}), moved});
+  const View view = view_at(20);
+  const ScreenBox box = moving.box(view), expected = placed.box(view);
+  EXPECT_EQ(std::tuple(box.x, box.y, box.width, box.height),
+            std::tuple(expected.x, expected.y, expected.width, expected.height));
+  EXPECT_EQ(moving.tau(view, box), placed.tau(view, box));
+  EXPECT_THROW(moving.move(1, std::vector<glm::vec3>(3)), InputError);
 }
 
 TEST(AbsorbingSurfaces, TrianglesThatLookInwardsAreTurned) {

@@ -1,7 +1,9 @@
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
+#include "xraycast/motion/moving_points.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 
+#include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -50,6 +52,32 @@ TEST_F(ContrastPicture, IsThicknessTimesConcentration) {
     // A drum of two stretches has their mean, and a ray along the face between two drums meets either.
     EXPECT_NEAR(tau[static_cast<std::size_t>(60 + x)], expected, kFlatness * expected + 0.015) << x;
   }
+}
+
+TEST_F(ContrastPicture, MovesWithTheBody) {
+  // The left half filled, in a body that has moved by 12 mm to the left where its breath is at 1.
+  std::vector<double> iodine_mg_ml(100, 0.0);
+  std::fill(iodine_mg_ml.begin() + 50, iodine_mg_ml.end(), 80.0);
+  const ContrastSurface contrast(tree_, kMu_per_mm);
+  const Motion motion(
+      {{"breath", 4, {}, {{0, nullptr}, {1, affine_displacement(glm::dmat3(1), {-12, 0, 0})}}}},
+      "motion.json");
+  Progress progress;
+  const MovingPoints moving(contrast.whole().mesh.points_mm, motion, progress);
+  const std::vector phases{1.0};
+  const Surface moved = contrast.filled({iodine_mg_ml}, moving.at(phases)),
+                rest = contrast.filled({iodine_mg_ml});
+  EXPECT_EQ(moved.mesh.triangles, rest.mesh.triangles);
+  EXPECT_EQ(moved.mu_weights, rest.mu_weights);
+  ASSERT_EQ(moved.mesh.points_mm.size(), rest.mesh.points_mm.size());
+  for (std::size_t i = 0; i < rest.mesh.points_mm.size(); ++i)
+    EXPECT_LT(glm::distance(moved.mesh.points_mm[i], rest.mesh.points_mm[i] + glm::vec3(12, 0, 0)), 0.01)
+        << i;
+  renderer_.replace_surface(0, moved);
+  const std::vector<float> tau = renderer_.tau(view_at(0), {});
+  const auto* row = &tau[std::size_t{15} * 121];
+  EXPECT_EQ(row[60 + 8], 0);
+  EXPECT_NEAR(row[60 + 30], kMu_per_mm * 2 * kRadius_mm * 80, kFlatness * 0.8);
 }
 
 TEST_F(ContrastPicture, IsNowhereWhereThereIsNoIodine) {

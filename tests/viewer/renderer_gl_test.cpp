@@ -9,6 +9,7 @@
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
+#include "xraycast/scene/moving_surface.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -273,6 +274,36 @@ TEST_F(RendererTest, SurfacesAreReplacedOneByOne) {
   // Facets, as above.
   EXPECT_NEAR(tau[60 * view.width + 80], 0.05 * 40, 0.01);
   EXPECT_NEAR(tau[60 * view.width + 80 + static_cast<int>(60 / view.pixel_mm)], 0.01 * 20, 0.002);
+}
+
+TEST_F(RendererTest, SurfacesMoveWithTheBody) {
+  const auto map = homogeneous(1);
+  const glm::dvec3 centre = bounds_of(map->geometry).centre_mm;
+  const View view = view_of_map(*map, 0);
+  const Surface rest{ball(centre, 20), 0.05, {1, 0, 0}},
+      other{ball(centre + glm::dvec3(50, 0, 0), 10), 0.02, {0, 1, 0}};
+  // A shear, which turns normals too.
+  const Motion motion(
+      {{"breath",
+        4,
+        {},
+        {{0, nullptr}, {1, affine_displacement({1, 0, 0.5, 0, 1, 0, 0, 0, 1}, {0, 0, -15})}}}},
+      "motion.json");
+  Progress progress;
+  MovingSurface moving(rest, motion, progress);
+  const std::vector phases{0.7};
+  const Surface& moved = moving.at(phases);
+  Renderer moves, placed;
+  moves.set_surfaces(std::vector{rest, other});
+  moves.move_surface(0, moved.mesh.points_mm);
+  placed.set_surfaces(std::vector{moved, other});
+  Style shaded;
+  shaded.look = Look::surface;
+  EXPECT_EQ(moves.tau(view, {}), placed.tau(view, {}));
+  EXPECT_EQ(moves.picture(view, shaded), placed.picture(view, shaded));
+  placed.set_surfaces(std::vector{rest, other});
+  EXPECT_NE(moves.picture(view, shaded), placed.picture(view, shaded));
+  EXPECT_THROW(moves.move_surface(1, std::vector<glm::vec3>(1)), InputError);
 }
 
 TEST_F(RendererTest, NearerSurfacesHideFartherOnesAtEveryAngle) {

@@ -26,6 +26,20 @@ TEST(SameScan, TakesEveryMapOfAScan) {
   EXPECT_NO_THROW(check_with(rectangle_map(kChest, 8, 150, {0, 0}), kChest));
 }
 
+TEST(SameScan, TellsOfAMapOfAnotherInstant) {
+  MotionOfRequest inhaled, rest;
+  inhaled.phases = {{"breath", 1}, {"heart", 0.4}};
+  rest.phases = {{"breath", 0}, {"heart", 0}};
+  EXPECT_TRUE(notes_on_instant("chest, breath 1, heart 0.4", inhaled).empty());
+  EXPECT_TRUE(notes_on_instant("chest", rest).empty());
+  EXPECT_TRUE(notes_on_instant("chest", {}).empty());
+  const auto notes = notes_on_instant("chest, breath 1, heart 0", inhaled);
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_EQ(notes[0],
+            "the map is of chest, breath 1, heart 0, the vessels are those of breath 1, heart 0.4; cast the "
+            "map at the same instant");
+}
+
 TEST(SameScan, RefusesAMapOfAnotherScan) {
   VolumeGeometry elsewhere = kChest, shorter = kChest, wider = kChest;
   elsewhere.origin_mm.z += 1000;

@@ -21,7 +21,7 @@ namespace xraycast {
 /// 6 bytes a place and key. Thread-safe once it is made.
 class MovingPoints {
  public:
-  static constexpr double kTolerance_mm = 0.03;
+  static constexpr double kTolerance_mm = 0.05;
 
   /// Places in the scan, mm, LPS. Stage "moving" of `progress`, on all cores.
   MovingPoints(std::vector<glm::vec3> points_mm, const Motion& motion, Progress& progress,

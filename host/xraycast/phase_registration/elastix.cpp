@@ -42,7 +42,7 @@ std::string pyramid_of(const Index3& size) {
 /// See elastix' manual, 5.0.1. Correlation is from -1 to 0, so that the weight of bending holds for all
 /// scans.
 std::string parameters_of(const ElastixJob& job) {
-  constexpr double kBending = 50;
+  constexpr double kBending = 1;
   constexpr int kSamples = 5000;
   return fmt::format(
       "(FixedInternalImagePixelType \"float\")\n(MovingInternalImagePixelType \"float\")\n"
@@ -51,17 +51,18 @@ std::string parameters_of(const ElastixJob& job) {
       "(FixedImagePyramid \"FixedRecursiveImagePyramid\")\n(MovingImagePyramid "
       "\"MovingRecursiveImagePyramid\")\n"
       "(NumberOfResolutions {})\n(FixedImagePyramidSchedule{})\n(MovingImagePyramidSchedule{})\n"
-      "(Interpolator \"LinearInterpolator\")\n(ResampleInterpolator \"FinalLinearInterpolator\")\n"
+      "(Interpolator \"LinearInterpolator\")\n(ResampleInterpolator \"FinalBSplineInterpolator\")\n"
       "(Resampler \"DefaultResampler\")\n"
       "(Metric \"AdvancedNormalizedCorrelation\" \"TransformBendingEnergyPenalty\")\n"
       "(Metric0Weight 1)\n(Metric1Weight {})\n"
       "(Transform \"BSplineTransform\")\n(HowToCombineTransforms \"Compose\")\n"
       "(FinalGridSpacingInPhysicalUnits {})\n"
       "(Optimizer \"AdaptiveStochasticGradientDescent\")\n(MaximumNumberOfIterations {})\n"
-      "(AutomaticParameterEstimation \"true\")\n(RandomSeed 1)\n"
+      "(AutomaticParameterEstimation \"true\")\n(ASGDParameterEstimationMethod "
+      "\"DisplacementDistribution\")\n(RandomSeed 1)\n"
       "(ImageSampler \"RandomCoordinate\")\n(NumberOfSpatialSamples {})\n(NewSamplesEveryIteration "
       "\"true\")\n"
-      "(RequiredRatioOfValidSamples 0.05)\n(ErodeMask \"false\")\n\n"
+      "(RequiredRatioOfValidSamples 0.05)\n(ErodeMask \"false\")\n"
       "(WriteResultImage \"false\")\n(WriteTransformParametersEachResolution \"false\")\n",
       kResolutions, pyramid_of(job.fixed.geometry().size), pyramid_of(job.moving.geometry().size), kBending,
       job.grid_mm, kIterations, kSamples);
@@ -104,18 +105,22 @@ class Output {
       ++done_;
       return;
     }
-    const bool is_error = words.find("rror") != std::string_view::npos;
-    if (is_error || !has_error_) last_ = std::string(words);
-    has_error_ = has_error_ || is_error;
+    // ITK's exceptions say the cause in a line of their own; what follows says that there was an error.
+    const int weight = words.starts_with("Description:")              ? 2
+                       : words.find("rror") != std::string_view::npos ? 1
+                                                                      : 0;
+    if (weight < weight_ || (weight == 2 && weight_ == 2)) return;
+    last_ = std::string(words);
+    weight_ = weight;
   }
 
-  /// The last line that tells of an error; without one the last line.
+  /// What an exception says; without one the last line that tells of an error, or the last one.
   const std::string& last_words() const { return last_; }
 
  private:
   Progress& progress_;
   std::string last_;
-  bool has_error_ = false;
+  int weight_ = 0;  ///< of that line
   std::int64_t done_ = 0;
 };
 

@@ -65,6 +65,11 @@ void Renderer::replace_surface(std::size_t index, const Surface& surface) {
   absorbing_.replace(index, surface);
 }
 
+void Renderer::move_surface(std::size_t index, std::span<const glm::vec3> points_mm) {
+  absorbing_.move(index, points_mm);
+  opaque_.move(index, points_mm);
+}
+
 // ---- passes ---------------------------------------------------------------------------------------
 
 Renderer::Frame Renderer::draw_passes(const View& view, const Style& style) {

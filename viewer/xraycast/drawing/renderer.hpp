@@ -40,6 +40,10 @@ class Renderer {
   /// set_surfaces.
   void replace_surface(std::size_t index, const Surface& surface);
 
+  /// Moves the points of one of the surfaces, one for one, as a body in motion does (see MovingSurface):
+  /// faster than to replace it. Throws InputError for another number of points.
+  void move_surface(std::size_t index, std::span<const glm::vec3> points_mm);
+
   /// The picture on the bound framebuffer, whose viewport begins at (x, y) and is as large as the view, which
   /// must be complete. Throws InputError when the map cannot be drawn so.
   void draw(const View& view, const Style& style, int x = 0, int y = 0);

@@ -38,15 +38,32 @@ void SurfaceLayer::set(std::span<const Surface> surfaces) {
 
 void SurfaceLayer::replace(std::size_t index, const Surface& surface) {
   if (index == parts_.size()) parts_.emplace_back();
-  const Mesh nothing;
-  const Mesh& mesh = surface.mu_weights.empty() ? surface.mesh : nothing;
   Part& part = parts_.at(index);
-  part.tube = tube_of(surface);
-  const std::vector<Vertex> vertices = vertices_of(mesh, part.tube);
+  part.surface = surface.mu_weights.empty() ? surface : Surface{};
+  const Mesh& mesh = part.surface.mesh;
   part.colour = surface.colour;
   part.is_closed = is_watertight(mesh);
   part.front_faces = volume_mm3(mesh) < 0 ? GL_CW : GL_CCW;
   part.indices = static_cast<GLsizei>(3 * mesh.triangles.size());
+  glBindVertexArray(part.vertices.id());
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, part.triangles.id());
+  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(part.indices * sizeof(std::uint32_t)),
+               mesh.triangles.data(), GL_DYNAMIC_DRAW);
+  glBindVertexArray(0);
+  place(part);
+}
+
+void SurfaceLayer::move(std::size_t index, std::span<const glm::vec3> points_mm) {
+  Part& part = parts_.at(index);
+  if (part.indices == 0) return;  // left out
+  part.surface.mesh.points_mm.assign(points_mm.begin(), points_mm.end());
+  place(part);
+}
+
+/// What follows from a surface's points, on the GPU too.
+void SurfaceLayer::place(Part& part) {
+  part.tube = tube_of(part.surface);
+  const std::vector<Vertex> vertices = vertices_of(part.surface.mesh, part.tube);
   glm::vec3 lower(0), upper(0);
   if (!vertices.empty()) lower = upper = vertices[0].point_mm;
   for (const Vertex& vertex : vertices) {
@@ -59,9 +76,6 @@ void SurfaceLayer::replace(std::size_t index, const Surface& surface) {
   glBindBuffer(GL_ARRAY_BUFFER, part.points.id());
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices.size() * sizeof(Vertex)), vertices.data(),
                GL_DYNAMIC_DRAW);
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, part.triangles.id());
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(part.indices * sizeof(std::uint32_t)),
-               mesh.triangles.data(), GL_DYNAMIC_DRAW);
   for (const GLuint attribute : {0u, 1u, 2u}) {
     glEnableVertexAttribArray(attribute);
     glVertexAttribPointer(

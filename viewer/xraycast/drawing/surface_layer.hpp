@@ -29,6 +29,9 @@ class SurfaceLayer {
   /// frame.
   void replace(std::size_t index, const Surface& surface);
 
+  /// Moves the points of surface `index`, one for one; what is outside stays there.
+  void move(std::size_t index, std::span<const glm::vec3> points_mm);
+
   bool empty() const;
 
   /// The bounding box of all surfaces in a view.
@@ -48,7 +51,10 @@ class SurfaceLayer {
     glm::dvec3 lower_mm{}, upper_mm{};
     glm::dvec3 colour{};
     Tube tube{};
+    Surface surface{};  ///< without its mesh where it is left out
   };
+
+  static void place(Part& part);
 
   void draw(const Part& part) const;
 

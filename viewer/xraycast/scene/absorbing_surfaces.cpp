@@ -1,6 +1,8 @@
 #include "xraycast/scene/absorbing_surfaces.hpp"
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/base/pluralize.hpp"
 
 #include <glm/geometric.hpp>
 
@@ -207,15 +209,30 @@ void AbsorbingSurfaces::replace(std::size_t index, const Surface& surface) {
   Part& part = parts_.at(index);
   part.surface = surface;
   part.is_inside_out = volume_mm3(surface.mesh) < 0;
+  measure(part);
+}
+
+void AbsorbingSurfaces::move(std::size_t index, std::span<const glm::vec3> points_mm) {
+  Part& part = parts_.at(index);
+  if (points_mm.size() != part.surface.mesh.points_mm.size())
+    throw InputError("`points_mm` holds {}, but the surface has {}", pluralize(points_mm.size(), "point"),
+                     part.surface.mesh.points_mm.size());
+  part.surface.mesh.points_mm.assign(points_mm.begin(), points_mm.end());
+  measure(part);
+}
+
+/// What follows from a surface's points.
+void AbsorbingSurfaces::measure(Part& part) {
   glm::vec3 lower(0), upper(0);
-  if (const auto& points_mm = surface.mesh.points_mm; !points_mm.empty()) lower = upper = points_mm[0];
-  for (const glm::vec3& point : surface.mesh.points_mm) {
+  const std::vector<glm::vec3>& points_mm = part.surface.mesh.points_mm;
+  if (!points_mm.empty()) lower = upper = points_mm[0];
+  for (const glm::vec3& point : points_mm) {
     lower = glm::min(lower, point);
     upper = glm::max(upper, point);
   }
   part.lower_mm = lower;
   part.upper_mm = upper;
-  part.tube = tube_of(surface);
+  part.tube = tube_of(part.surface);
 }
 
 bool AbsorbingSurfaces::empty() const {

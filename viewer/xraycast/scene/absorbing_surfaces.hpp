@@ -28,6 +28,10 @@ class AbsorbingSurfaces {
   /// Replaces surface `index`, or appends one where `index` is their count.
   void replace(std::size_t index, const Surface& surface);
 
+  /// Moves the points of surface `index`, one for one, as a body in motion does; what is outside stays there.
+  /// Throws InputError for another number of points.
+  void move(std::size_t index, std::span<const glm::vec3> points_mm);
+
   bool empty() const;
 
   /// The bounding box of all surfaces in a view.
@@ -47,6 +51,8 @@ class AbsorbingSurfaces {
     glm::dvec3 lower_mm{}, upper_mm{};
     Tube tube{};
   };
+  static void measure(Part& part);
+
   std::vector<Part> parts_;
 };
 

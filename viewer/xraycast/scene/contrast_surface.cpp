@@ -1,5 +1,7 @@
 #include "xraycast/scene/contrast_surface.hpp"
 
+#include "xraycast/geometry/tube.hpp"
+
 #include <numbers>
 #include <numeric>
 #include <span>
@@ -46,9 +48,10 @@ ContrastSurface::ContrastSurface(const VesselTree& tree, double mu_per_mm) : mu_
     const VesselBranch& branch = tree.branches()[b];
     const std::vector<Ring> rings = rings_across_chords(branch.points);
     const std::vector<std::size_t> bounds = divide(branch.arc_length_mm);
-    for (std::size_t d = 0; d + 1 < bounds.size(); ++d)
-      drums_.push_back(
-          {static_cast<int>(b), bounds[d], bounds[d + 1], rings[bounds[d]], rings[bounds[d + 1]]});
+    for (std::size_t d = 0; d + 1 < bounds.size(); ++d) {
+      drums_.push_back({static_cast<int>(b), bounds[d], bounds[d + 1]});
+      add_drum(rings[bounds[d]], rings[bounds[d + 1]], whole_);
+    }
   }
 }
 
@@ -64,22 +67,32 @@ std::vector<float> ContrastSurface::drums_mg_ml(const std::vector<std::vector<do
 }
 
 Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_mg_ml) const {
+  return filled(iodine_mg_ml, whole_.points_mm);
+}
+
+Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_mg_ml,
+                                std::span<const glm::vec3> points_mm) const {
+  static_assert(kDrumPoints == 2 * (kSides + 1) && kDrumTriangles == 4 * kSides);
   const std::vector<float> mg_ml = drums_mg_ml(iodine_mg_ml);
   Surface surface;
   surface.mu_per_mm = mu_per_mm_;
+  Mesh& mesh = surface.mesh;
   for (std::size_t d = 0; d < drums_.size(); ++d) {
     if (mg_ml[d] <= kNothing_mg_ml) continue;
-    add_drum(drums_[d].from, drums_[d].to, surface.mesh);
-    surface.mu_weights.resize(surface.mesh.points_mm.size(), mg_ml[d]);
+    const auto shift = static_cast<std::uint32_t>(d * kDrumPoints - mesh.points_mm.size());
+    const std::span drum = points_mm.subspan(d * kDrumPoints, kDrumPoints);
+    mesh.points_mm.insert(mesh.points_mm.end(), drum.begin(), drum.end());
+    for (const auto& [a, b, c] : std::span(whole_.triangles).subspan(d * kDrumTriangles, kDrumTriangles))
+      mesh.triangles.push_back({a - shift, b - shift, c - shift});
+    surface.mu_weights.resize(mesh.points_mm.size(), mg_ml[d]);
   }
   return surface;
 }
 
 Surface ContrastSurface::whole() const {
-  static_assert(kDrumPoints == 2 * (kSides + 1) && kDrumTriangles == 4 * kSides);
   Surface surface;
+  surface.mesh = whole_;
   surface.mu_per_mm = mu_per_mm_;
-  for (const Drum& drum : drums_) add_drum(drum.from, drum.to, surface.mesh);
   return surface;
 }
 

@@ -1,10 +1,12 @@
 #pragma once
 
-#include "xraycast/geometry/tube.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/scene.hpp"
 
+#include <glm/vec3.hpp>
+
+#include <span>
 #include <vector>
 
 namespace xraycast {
@@ -25,6 +27,10 @@ class ContrastSurface {
   /// mg/ml. Drums without iodine are left out.
   Surface filled(const std::vector<std::vector<double>>& iodine_mg_ml) const;
 
+  /// The same where the points of `whole` are elsewhere, as in a body in motion (see MovingPoints).
+  Surface filled(const std::vector<std::vector<double>>& iodine_mg_ml,
+                 std::span<const glm::vec3> points_mm) const;
+
   /// The mean concentration in every drum.
   std::vector<float> drums_mg_ml(const std::vector<std::vector<double>>& iodine_mg_ml) const;
 
@@ -37,10 +43,10 @@ class ContrastSurface {
   struct Drum {
     int branch;
     std::size_t first, last;  ///< stretches [first, last)
-    Ring from, to;
   };
   double mu_per_mm_;
   std::vector<Drum> drums_;
+  Mesh whole_;  ///< of all drums
 };
 
 }  // namespace xraycast

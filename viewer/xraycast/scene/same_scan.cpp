@@ -7,6 +7,7 @@
 #include <glm/common.hpp>
 #include <glm/vector_relational.hpp>
 
+#include <algorithm>
 #include <cmath>
 
 namespace xraycast {
@@ -75,6 +76,15 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const MapG
   if (!same)
     throw InputError("{} was not cast from the scan of {}: their geometries differ; give its own basis", name,
                      basis_name);
+}
+
+std::vector<std::string> notes_on_instant(const std::string& map_source, const MotionOfRequest& motion) {
+  const std::string instant = motion.suffix();
+  const bool is_at_rest =
+      std::ranges::all_of(motion.phases, [](const auto& mode) { return mode.second == 0; });
+  if (is_at_rest || map_source.find(instant) != std::string::npos) return {};
+  return {fmt::format("the map is of {}, the vessels are those of{}; cast the map at the same instant",
+                      map_source.empty() ? "an unknown instant" : map_source, instant.substr(1))};
 }
 
 }  // namespace xraycast

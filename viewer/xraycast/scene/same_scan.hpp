@@ -1,9 +1,11 @@
 #pragma once
 
 #include "xraycast/casting/map_geometry.hpp"
+#include "xraycast/motion/motion_request.hpp"
 #include "xraycast/volume/volume.hpp"
 
 #include <string>
+#include <vector>
 
 namespace xraycast {
 
@@ -16,5 +18,9 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const Volu
 /// the same geometry. Layers and angles may differ.
 void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
                      const std::string& basis_name);
+
+/// A warning when a map, by its source, was cast at another instant of the body's motion than that of what is
+/// drawn into it; or none.
+std::vector<std::string> notes_on_instant(const std::string& map_source, const MotionOfRequest& motion);
 
 }  // namespace xraycast

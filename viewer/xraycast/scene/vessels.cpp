@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/geometry/moved_vessels.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 
@@ -50,6 +51,14 @@ Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml) {
   vessels.mesh = std::filesystem::is_directory(path) ? mesh_of_folder(path) : read_mesh(path);
   if (vessels.mesh.triangles.empty())
     throw InputError("{}: the surface has no triangles; segment the scan again", path.string());
+  return vessels;
+}
+
+Surface moved(Surface vessels, const HeldMotion& motion, const std::string& name,
+              std::vector<std::string>& notes) {
+  MovedVessels<Mesh> found = moved(std::move(vessels.mesh), motion);
+  vessels.mesh = std::move(found.vessels);
+  for (std::string& note : found.lost.notes(name)) notes.push_back(std::move(note));
   return vessels;
 }
 

@@ -2,6 +2,7 @@
 
 #include "xraycast/geometry/nurbs_curve.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/motion/motion.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
 
@@ -20,6 +21,11 @@ Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
 /// Vessels that hold blood with this iodine concentration. Throws InputError for one beyond
 /// kMaxContrast_mg_ml.
 Surface filled_vessels(Mesh mesh, double contrast_mg_ml);
+
+/// Vessels where the motion has taken them. Adds to `notes`, with `name` in front, how many of their points
+/// have no place there.
+Surface moved(Surface vessels, const HeldMotion& motion, const std::string& name,
+              std::vector<std::string>& notes);
 
 /// A warning when most of the vessels lie outside a map's body, as when they belong to another scan; or none.
 std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
