@@ -349,9 +349,9 @@ const BadCall kBadCalls[] = {
     {"MotionOfTooFewPhases", "motion @/ct.nii @/ct.nii --at 0.5,0.7 -o @/motion", 3,
      "--at holds 2 phases for 1 scan"},
     {"RenderMovesNothing", "render @/map.exr -o @/p.png --motion @/m.json --phase breath=1", 3,
-     "--motion @/m.json: moves vessels; give --vessels too", write_fitting_motion},
+     "m.json: moves vessels; give --vessels too", write_fitting_motion},
     {"RoadMapOfNoSession",
-     "render @/map.exr -o @/p.png --vessels @/tree.json --motion @/m.json --phase breath=1 --road-map-phase "
+     "render @/map.exr -o @/p.png --vessels @/ct.nii --motion @/m.json --phase breath=1 --road-map-phase "
      "breath=0",
      3, "--road-map-phase breath=0: there is no road map", write_fitting_motion},
     {"MotionWithoutMovement", "motion @/chest.nrrd -o @/motion", 3, "give --breath, --heart or both"},

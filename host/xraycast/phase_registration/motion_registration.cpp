@@ -18,6 +18,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 namespace xraycast {
@@ -131,7 +132,7 @@ class Comparison {
   double before_hu() const { return rms(before_); }
   double after_hu() const { return rms(after_); }
 
-  /// Across an axis, 0 for sagittal and 1 for coronal, where the difference is largest before.
+  /// Across an axis, 0 for sagittal and 1 for coronal, with half of the difference before it on either side.
   DifferenceSlice slice(int axis) const {
     std::vector<double> sums(static_cast<std::size_t>(grid_.size[axis]));
     std::size_t voxel = 0;
@@ -139,7 +140,9 @@ class Comparison {
       for (v.y = 0; v.y < grid_.size.y; ++v.y)
         for (v.x = 0; v.x < grid_.size.x; ++v.x, ++voxel)
           sums[static_cast<std::size_t>(v[axis])] += std::abs(before_[voxel]) * is_body_[voxel];
-    const std::int64_t at = std::ranges::max_element(sums) - sums.begin();
+    const double all = std::accumulate(sums.begin(), sums.end(), 0.0);
+    std::int64_t at = 0;
+    for (double before = sums[0]; before < 0.5 * all; before += sums[static_cast<std::size_t>(at)]) ++at;
     const int across = axis == 0 ? 1 : 0;
     DifferenceSlice slice{grid_.size[across], grid_.size.z, {grid_.spacing_mm[across], grid_.spacing_mm.z}};
     for (std::int64_t z = grid_.size.z - 1; z >= 0; --z)

@@ -59,7 +59,7 @@ struct PhaseRegistration {
   std::optional<VectorImage> field{};  ///< pull-back, mm; none for a phase that is the reference itself
   double longest_mm = 0;               ///< of the field, in the body
   double before_hu = 0, after_hu = 0;  ///< root mean square of the difference to the reference, in the body
-  DifferenceSlice coronal{}, sagittal{};  ///< where the difference was largest before
+  DifferenceSlice coronal{}, sagittal{};  ///< through the middle of the difference before
   struct Landmarks {
     std::size_t count = 0;
     double before_mm = 0, after_mm = 0;  ///< mean distances

@@ -68,9 +68,8 @@ RgbPicture registration_report(const std::string& name, const RegisteredMotion& 
             height = kTop + static_cast<int>(motion.phases.size()) * (kPanelHeight + kWordsHeight) + kMargin;
   Canvas sheet(width, height, kPaper);
   sheet.text({kMargin, 24}, fmt::format("{} of {}, registered", motion.mode, name), kFont, kInk);
-  sheet.text({kMargin, 44},
-             "phase less reference where they differ most, coronal and sagittal: black -400 HU, white 400 HU",
-             kFont, kFaint);
+  sheet.text({kMargin, 44}, "phase less reference, coronal and sagittal: black -400 HU, white 400 HU", kFont,
+             kFaint);
   double top = kTop;
   for (const PhaseRegistration& phase : motion.phases) {
     sheet.text({kMargin, top + 18}, numbers_of(phase), kFont, kInk);
