@@ -45,6 +45,14 @@ TEST_F(ControlGroups, OfVersion1AreReadToo) {
   EXPECT_EQ(left().left_B, 96 + 30);
 }
 
+TEST_F(ControlGroups, LeaveAllWhereTheirCacheExceedsTheirUsage) {
+  put("proc/self/cgroup", "4:memory:/c\n");
+  put("sys/fs/cgroup/memory/c/memory.limit_in_bytes", "9223372036854771712\n");
+  put("sys/fs/cgroup/memory/c/memory.usage_in_bytes", "1000\n");
+  put("sys/fs/cgroup/memory/c/memory.stat", "total_active_file 90000\ntotal_inactive_file 90000\n");
+  EXPECT_EQ(left().left_B, 9223372036854771712);
+}
+
 TEST_F(ControlGroups, OfAContainerLieAtTheTopOfItsMount) {
   put("proc/self/cgroup", "0::/system.slice/container\n");  // the host's path, which is not mounted here
   put("sys/fs/cgroup/memory.max", "1000\n");

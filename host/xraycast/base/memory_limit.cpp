@@ -52,8 +52,9 @@ std::int64_t left_by_groups(const fs::path& root, const GroupFiles& files, const
     const std::int64_t limit_B = number_in(place / files.limit, kUnlimited);
     const std::int64_t cache_B =
         sum_of_fields(place / "memory.stat", {files.active_cache, files.inactive_cache});
-    if (limit_B != kUnlimited)
-      left_B = std::min(left_B, limit_B - number_in(place / files.usage, 0) + cache_B);
+    // The cache is counted by page and by group, and can exceed the usage, which is not exact.
+    const std::int64_t taken_B = std::max<std::int64_t>(0, number_in(place / files.usage, 0) - cache_B);
+    if (limit_B != kUnlimited) left_B = std::min(left_B, limit_B - taken_B);
     if (folder.empty()) return left_B;
   }
 }
