@@ -1,5 +1,6 @@
 #include "xraycast/geometry/moved_vessels.hpp"
 
+#include <fmt/format.h>
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

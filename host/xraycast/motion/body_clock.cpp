@@ -61,8 +61,8 @@ void check_speed(double factor) {
 }  // namespace
 
 double ecg(double heart_phase) {
-  static const std::pair<double, double> kExtremes = extremes();
-  const auto [least, greatest] = kExtremes;
+  static const std::pair<double, double> range = extremes();
+  const auto [least, greatest] = range;
   return std::clamp((sum_of_waves(heart_phase) - least) / (greatest - least), 0.0, 1.0);
 }
 

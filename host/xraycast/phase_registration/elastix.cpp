@@ -191,9 +191,9 @@ std::shared_ptr<const Displacement> read_elastix_spline(const fs::path& path) {
   grid.origin_mm = file.vector("GridOrigin");
   // ITK's direction by columns: the first three numbers are the first axis.
   const std::vector<double> direction = file.numbers("GridDirection", 9);
+  auto number = direction.begin();
   for (int axis = 0; axis < 3; ++axis)
-    for (int row = 0; row < 3; ++row)
-      grid.step_mm[axis][row] = direction[static_cast<std::size_t>(3 * axis + row)] * spacing_mm[axis];
+    for (int row = 0; row < 3; ++row) grid.step_mm[axis][row] = *number++ * spacing_mm[axis];
   validate(grid, file.name());
   const auto nodes = static_cast<std::size_t>(grid.nodes());
   const std::vector<double> numbers = file.numbers("TransformParameters", 3 * nodes);

@@ -7,13 +7,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
 namespace xraycast {
 namespace {
 
-constexpr int kMargin = 20, kTop = 60, kPanelHeight = 300, kWordsHeight = 50, kFont = 15;
+constexpr int kMargin = 20, kGap = 10, kTop = 60, kPanelHeight = 300, kWordsHeight = 50, kFont = 15;
 constexpr double kMost_hu = 400, kWidest = 420;
 constexpr Colour kPaper{0.10, 0.11, 0.13}, kInk{0.9, 0.9, 0.9}, kFaint{0.6, 0.62, 0.65};
 
@@ -28,7 +29,7 @@ std::vector<std::uint8_t> greys_of(const std::vector<float>& difference_hu) {
   std::vector<std::uint8_t> rgb;
   for (const float hu : difference_hu) {
     const double share = std::clamp(0.5 + 0.5 * hu / kMost_hu, 0.0, 1.0);
-    rgb.insert(rgb.end(), 3, static_cast<std::uint8_t>(255 * share + 0.5));
+    rgb.insert(rgb.end(), 3, static_cast<std::uint8_t>(std::lround(255 * share)));
   }
   return rgb;
 }
@@ -53,9 +54,9 @@ double draw(Canvas& sheet, const DifferenceSlice& slice, double left, double top
     sheet.picture(greys_of(*difference_hu), static_cast<int>(slice.width), static_cast<int>(slice.height),
                   {left, top, width, height});
     sheet.rimmed_text({left + 6, top + 18}, words, kFont, kInk, 2);
-    left += width + kMargin / 2;
+    left += width + kGap;
   }
-  return left + kMargin / 2;
+  return left + kGap;
 }
 
 }  // namespace
