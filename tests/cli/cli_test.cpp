@@ -533,5 +533,31 @@ TEST_F(Cli, TakesPathsWithSpacesAndLettersBeyondAscii) {
   EXPECT_EQ(read_body_map(place / "schön 1.exr").source, "MetaImage " + (place / "Größe 1.mhd").string());
 }
 
+TEST_F(Cli, RenderMovesVesselsButNoRoadMap) {
+  output_of(
+      "phantom thorax --spacing 8 --noise 0 -o @/ct.nrrd --truth @/truth --motion @/motion --motion-spacing "
+      "12 --quiet");
+  output_of("cast @/ct.nrrd -o @/rest.exr --layers 2 --quiet");
+  output_of("cast @/ct.nrrd -o @/in.exr --layers 2 --motion @/motion/motion.json --phase breath=1 --quiet");
+  const std::string moves = " --motion @/motion/motion.json --phase breath=1",
+                    look = " --vessels @/truth --look surface";
+  EXPECT_EQ(json_of("render @/in.exr -o @/moved.png" + look + moves)["motion"]["breath"], 1);
+  output_of("render @/in.exr -o @/stayed.png --quiet" + look);
+  EXPECT_NE(read_bytes(folder_ / "moved.png"), read_bytes(folder_ / "stayed.png"));
+  expect_one_line(run("render @/rest.exr -o @/p.png" + look + moves).err, "cast the map at the same instant");
+
+  write_bytes(folder_ / "s.json", R"({"xraycast_session": 1, "files": {"map": "in.exr", "vessels": "truth"},
+    "simulation": {"nodes_mm": [[0, 0, -90], [0, 0, -80], [0, 0, -70], [1, 0, -60]], "radius_mm": 0.8, "road_map": true},
+    "camera": {"angle_deg": 0, "tilt_deg": 0, "table_mm": 0, "zoom": 1},
+    "style": {"look": "fluoro", "compositing": "path", "continuous": true, "strengths": []}})");
+  const auto session = [&](const std::string& options) {
+    output_of("render --session @/s.json -o @/s.png --quiet" + options);
+    return read_bytes(folder_ / "s.png");
+  };
+  const std::string taken_at_rest = session("");
+  EXPECT_EQ(session(moves), taken_at_rest);
+  EXPECT_NE(session(moves + " --road-map-phase breath=1"), taken_at_rest);
+}
+
 }  // namespace
 }  // namespace xraycast::cli_test
