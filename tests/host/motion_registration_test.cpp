@@ -4,13 +4,16 @@
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"
+#include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/motion/motion.hpp"
+#include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <thread>
 
@@ -194,6 +197,26 @@ TEST_F(Registration, RefusesBadRequests) {
   for (const auto& [request, what] : bad)
     EXPECT_THAT(message({phase("up", block(8))}, request), HasSubstr(what));
   EXPECT_THAT(message({}), HasSubstr("there are none"));
+}
+
+TEST_F(Registration, GivesElastixAMaskOfZerosAndOnes) {
+  use_shifting_elastix();
+  write_bytes(folder_ / "elastix",
+              read_bytes(folder_ / "elastix") +
+                  fmt::format("cp $out/mask.mha {}/mask.mha\n", folder_.path().string()));
+  Progress progress;
+  write_volume(*block(0), folder_ / "block.nrrd", progress);
+  MotionRegistrationRequest request;
+  request.mask = folder_ / "block.nrrd";
+  made({phase("up", block(8))}, request);
+  EXPECT_THAT(read_bytes(folder_ / "calls"), HasSubstr("-fMask"));
+  const auto scan = open_scan(folder_ / "mask.mha", {}, progress);
+  Volume mask = collect(*scan.source, progress);
+  const auto given = block(0);
+  for (std::size_t i = 0; i < mask.hu().size(); ++i) ASSERT_EQ(mask.hu()[i], given->hu()[i] > 0 ? 1 : 0) << i;
+  std::ranges::fill(mask.hu(), std::int16_t{-5});
+  write_volume(mask, folder_ / "block.nrrd", progress);
+  EXPECT_THAT(message({phase("up", block(8))}, request), HasSubstr("block.nrrd: is nowhere above 0"));
 }
 
 TEST_F(Registration, RefusesBadLandmarks) {

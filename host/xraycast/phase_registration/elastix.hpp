@@ -17,7 +17,7 @@ void require_elastix(const Progress& progress);
 struct ElastixJob {
   const Volume& fixed;
   const Volume& moving;
-  const Volume* mask;  ///< above 0 where they are to match, on any grid; null: everywhere
+  const Volume* mask;  ///< 1 where they are to match, else 0, on any grid; null: everywhere
   double grid_mm;      ///< between the nodes of the B-spline, at last
   std::string stage;   ///< of `progress`, in iterations
   std::string name;    ///< in front of messages

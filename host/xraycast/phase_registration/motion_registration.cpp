@@ -53,6 +53,18 @@ Volume averaged(const Volume& scan) {
   return coarse;
 }
 
+/// 1 where a scan is above 0, else 0: elastix reads bytes.
+Volume mask_of(const std::filesystem::path& path, Progress& progress) {
+  const RegisteredScan scan = phase_of_file(path).open(progress);
+  Volume mask(scan.volume->geometry());
+  std::ranges::transform(scan.volume->hu(), mask.hu().begin(),
+                         [](std::int16_t hu) { return static_cast<std::int16_t>(hu > 0 ? 1 : 0); });
+  if (std::ranges::none_of(mask.hu(), [](std::int16_t hu) { return hu > 0; }))
+    throw InputError("`mask` {}: is nowhere above 0; give one that is, where the phases are to match",
+                     path.string());
+  return mask;
+}
+
 /// Throws InputError for a phase whose places are not those of the reference.
 void check_frame(const RegisteredScan& reference, const std::string& reference_name,
                  const RegisteredScan& phase, const std::string& name) {
@@ -234,7 +246,7 @@ RegisteredMotion register_phases(const RegisteredScan& reference, const std::str
   if (!request.landmarks.empty()) landmarks = read_landmark_pairs(request.landmarks, phases.size());
   require_elastix(progress);
   std::optional<Volume> mask;
-  if (!request.mask.empty()) mask = averaged(*phase_of_file(request.mask).open(progress).volume);
+  if (!request.mask.empty()) mask = mask_of(request.mask, progress);
   const Volume coarse_reference = averaged(*reference.volume);
   const std::vector<double> at = phases_of(request, phases.size());
   RegisteredMotion motion{request.mode, request.period_s};
