@@ -11,8 +11,8 @@ namespace xraycast {
 
 /// What an ECG shows at a phase of the heart, the share of the beat since the R wave; 0 at the S wave, 1 at
 /// the R wave. Drawn, not measured: the P, Q, R, S and T waves are the five Gaussians of McSharry et al.
-/// (IEEE Trans. Biomed. Eng. 50, 2003), with the places, widths and areas of their table 1, scaled to 0 to 1.
-/// Any finite phase; it repeats with 1.
+/// (IEEE Trans. Biomed. Eng. 50, 2003), with the places, widths and amplitudes of their table 1, scaled to 0
+/// to 1. Any finite phase; it repeats with 1.
 double ecg(double heart_phase);
 
 /// The clock of a body in motion: the phase of each of its modes as time advances. A mode has a time of its
