@@ -5,17 +5,26 @@
 
 #include <CLI/CLI.hpp>
 
+#include <optional>
 #include <string>
 
 namespace xraycast::cli {
 
 /// Where `cast` and `recast` put a body map and its picture.
 struct MapOutput {
-  std::string map, preview, window = "auto", precision = "float";
+  std::string map, preview, window = "auto";
+  std::optional<std::string> precision;
 };
 
 /// --output, --preview, --preview-window and --precision.
 void add_map_output_options(CLI::App& command, MapOutput& output);
+
+/// Gives the map the precision that is asked for. Throws InputError for one of a map that moves other than
+/// bytes.
+void choose_precision(BodyMap& map, const MapOutput& output);
+
+/// Adds the keys of a map that moves to what is printed.
+void report_keys(const BodyMap& map, Json& json, std::string& text);
 
 /// Writes the map, and the preview if requested.
 void write_map(const BodyMap& map, const MapOutput& output);

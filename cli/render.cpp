@@ -1,5 +1,6 @@
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/motion_options.hpp"
 #include "options/scene_options.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
@@ -8,9 +9,11 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/session_map.hpp"
 #include "xraycast/scene/vessels.hpp"
 
@@ -18,6 +21,7 @@
 #include <glm/trigonometric.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -32,10 +36,14 @@ struct RenderArguments {
   std::optional<std::string> look, compositing, reconstruction;
   std::optional<double> wall_radius_mm;
   bool full_contrast = false, annotations = false;
+  MotionOptions instant;
+  std::optional<double> seconds;
   ViewOptions view;
   GreyOptions grey;
   DicomOptions dicom;
   FluoroscopeArguments fluoroscope;
+
+  bool is_cine() const { return !cine.empty() || seconds; }
 };
 
 void apply_style(const RenderArguments& options, Style& style) {
@@ -78,8 +86,8 @@ void check_angle(const RenderArguments& options) {
 }
 
 void check_output(const RenderArguments& options) {
-  if (options.cine.empty()) check_projection_format(options.output);
-  if (options.cine.empty() || is_xa(options.output)) {
+  if (!options.is_cine()) check_projection_format(options.output);
+  if (!options.is_cine() || is_xa(options.output)) {
     check_shown(options.grey, options.output);
     check_shown(options.full_contrast, "--full-contrast", options.output);
     check_shown(options.annotations, "--annotations", options.output);
@@ -87,7 +95,9 @@ void check_output(const RenderArguments& options) {
   } else if (is_animation(options.output)) {
     check_writable(options.output);
   } else {
-    make_frames_folder(options.output, "--cine with -o " + options.output);
+    make_frames_folder(
+        options.output,
+        fmt::format("{} with -o {}", options.cine.empty() ? "--seconds" : "--cine", options.output));
     check_writable(fs::path(options.output) / "frame-000.png");
   }
 }
@@ -103,6 +113,7 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
     return scene;
   }
   if (!session.vessels.empty()) {
+    check_same_instant(*map, session.map.string(), session.vessels.string());
     scene.vessels = read_vessels(session.vessels, session.contrast_mg_ml);
     program.say(
         notes_on_place(scene.vessels->mesh.points_mm, bounds_of(map->geometry), session.vessels.string()));
@@ -139,9 +150,35 @@ std::vector<View> views_of(const View& view, std::span<const double> cine_deg) {
   return views;
 }
 
-void draw(MapAcquisition& frames, std::span<const View> views, FrameFile& file, Progress& progress) {
+/// The phases of a map at each of its frames. They advance with the frames of a cine, unless phases are held.
+std::vector<std::vector<double>> phases_of_frames(const RenderArguments& options, const BodyMap& map,
+                                                  std::size_t frames, double frame_s,
+                                                  const Invocation& program) {
+  const MotionRequest given = motion_request_of(options.instant);
+  if (!map.keys) {
+    if (!given.phase.empty() || given.time_s || options.seconds)
+      throw InputError(
+          "{}: the map stands still; make one that moves by `xraycast cast --motion` without --phase and "
+          "--time",
+          options.map.empty() ? options.session : options.map);
+    return {};
+  }
+  const Motion& rhythm = map.keys->phases().rhythm();
+  std::vector<std::vector<double>> phases(frames, phases_of(rhythm, given));
+  if (options.is_cine() && given.phase.empty())
+    for (std::size_t i = 0; i < frames; ++i)
+      phases[i] = rhythm.phases_at(given.time_s.value_or(0) + static_cast<double>(i) * frame_s);
+  else if (given.phase.empty() && !given.time_s)
+    program.say({"the map moves; this is phase 0 of its motion, give --phase or --time for another instant"});
+  return phases;
+}
+
+void draw(MapAcquisition& frames, std::span<const View> views, std::span<const std::vector<double>> phases,
+          FrameFile& file, Progress& progress) {
   progress.begin("drawing", std::ssize(views), "frames");
-  for (const View& view : views) {
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const View& view = views[i];
+    if (!phases.empty()) frames.set_phases(phases[i]);
     if (file.is_shown())
       file.add(frames.picture(view));
     else
@@ -149,6 +186,15 @@ void draw(MapAcquisition& frames, std::span<const View> views, FrameFile& file, 
     progress.advance();
   }
   file.finish(frames.acquisition().record());
+}
+
+/// Of a cine that lasts so long.
+std::size_t frames_within(double seconds, double frame_s) {
+  constexpr double kMost = 10000;
+  const double frames = std::round(seconds / frame_s);
+  if (!(frames >= 1 && frames <= kMost))
+    throw InputError("--seconds {:g}: makes {:.0f} frames; must make 1 to {:.0f}", seconds, frames, kMost);
+  return static_cast<std::size_t>(frames);
 }
 
 void render(const RenderArguments& options, Invocation& invocation) {
@@ -164,7 +210,10 @@ void render(const RenderArguments& options, Invocation& invocation) {
   const auto map = load_map(scene, invocation.device);
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
   const View view = resolve_view(options, scene, bounds_of(map->geometry));
-  const std::vector<View> views = views_of(view, cine_deg);
+  const double frame_s = fluoroscope ? 1 / fluoroscope->pulses_per_s : CineWriter::kUsualFrame_s;
+  std::vector<View> views = views_of(view, cine_deg);
+  if (options.seconds) views.assign(frames_within(*options.seconds, frame_s), view);
+  const auto phases = phases_of_frames(options, *map, views.size(), frame_s, invocation);
 
   check_dicom(view, xa, options.output, invocation);
   if (fluoroscope && !map->spectrum()) note_on_energies(invocation);
@@ -173,11 +222,9 @@ void render(const RenderArguments& options, Invocation& invocation) {
   MapAcquisition frames(renderer, read_scene(scene, map, invocation), picture, views.front());
   const Stopwatch stopwatch;
   FrameFile file(options.output,
-                 {.is_cine = !cine_deg.empty(),
-                  .most_frames = std::ssize(views),
-                  .frame_s = fluoroscope ? 1 / fluoroscope->pulses_per_s : CineWriter::kUsualFrame_s},
-                 view, picture.acquisition, xa);
-  draw(frames, views, file, invocation.progress);
+                 {.is_cine = options.is_cine(), .most_frames = std::ssize(views), .frame_s = frame_s}, view,
+                 picture.acquisition, xa);
+  draw(frames, views, phases, file, invocation.progress);
   const double draw_ms = stopwatch.ms();
   note_on_saturation(frames.acquisition().is_saturated(), invocation);
 
@@ -192,7 +239,16 @@ void render(const RenderArguments& options, Invocation& invocation) {
     result["fluoroscope"] = to_json(*exposure);
     dose = summary(*exposure);
   }
+  if (!phases.empty() && views.size() == 1) {
+    Json& instant = result["phases"];
+    for (std::size_t m = 0; m < phases[0].size(); ++m)
+      instant[map->keys->phases().rhythm().modes()[m].name] = phases[0][m];
+  }
   std::string angles = label(view);
+  if (options.seconds)
+    angles += fmt::format(", {} of {:g} s", pluralize(views.size(), "frame"), frame_s);
+  else if (!phases.empty() && !options.is_cine())
+    angles += instant_suffix(map->keys->phases(), phases[0]);
   if (!cine_deg.empty()) {
     result["image"].erase("angle_deg");
     result["angles_deg"] = cine_deg;
@@ -215,6 +271,8 @@ void add_render(CLI::App& app, Invocation& invocation) {
       "  xraycast render map.exr -o frame.png --vessels thorax-truth --look surface --size 1280x720\n"
       "  xraycast render map.exr -o dsa.png --vessels thorax-truth --look dsa --contrast 300\n"
       "  xraycast render map.exr -o frames --cine 0:360:5\n"
+      "  xraycast render moving.exr -o inhaled.png --phase breath=1\n"
+      "  xraycast render moving.exr -o breath.gif --seconds 4\n"
       "  xraycast render map.exr -o run.dcm --cine=-30:30:2 --cone 780,1200\n"
       "  xraycast render map.exr -o fluoro.png --c-arm mobile-flat-panel --dose low --collimate 200,150\n"
       "  xraycast render --session operation.json -o frame.png",
@@ -264,11 +322,20 @@ void add_render(CLI::App& app, Invocation& invocation) {
       "fluoro: vessels and catheter keep full contrast where the grey window compresses the body's");
   command->add_flag("--annotations", options->annotations,
                     "Orientation letters (R L A P S I), the axis, and a scale bar");
+  CLI::Option* cine =
+      command
+          ->add_option("--cine", options->cine,
+                       "A rotational cine instead of one frame; TO is excluded; surplus frames of an earlier "
+                       "cine are removed")
+          ->type_name("FROM:TO:STEP");
+  add_instant_options(*command, options->instant);
   command
-      ->add_option("--cine", options->cine,
-                   "A rotational cine instead of one frame; TO is excluded; surplus frames of an earlier "
-                   "cine are removed")
-      ->type_name("FROM:TO:STEP");
+      ->add_option(
+          "--seconds", options->seconds,
+          "Of a map that moves: a cine of so many seconds of its motion, from --time (default 0) on, "
+          "20 frames a second or those of --pulse-rate; frames of --cine move likewise")
+      ->excludes(cine)
+      ->type_name("S");
   command
       ->add_option("--session", options->session,
                    "The scene of a viewer session (Ctrl+S); other options override it")

@@ -6,7 +6,7 @@
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projector.hpp"
 #include "xraycast/casting/recast.hpp"
-#include "xraycast/casting/slab_caster.hpp"
+#include "xraycast/requests/slab_caster.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
 
 #include <fmt/format.h>

@@ -3,7 +3,7 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projector.hpp"
-#include "xraycast/casting/rays_within.hpp"
+#include "xraycast/requests/rays_within.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"

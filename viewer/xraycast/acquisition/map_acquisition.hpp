@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,9 @@ class MapAcquisition {
  public:
   /// The renderer, which has the map, must outlive it. Throws as `check` and Acquisition.
   MapAcquisition(Renderer& renderer, MapScene scene, const PictureOptions& options, const View& first);
+
+  /// The instant of the next frames: see Renderer::set_phases.
+  void set_phases(std::span<const double> phases) { renderer_.set_phases(phases); }
 
   /// The next frame, subtracted from a mask of the same view. Throws InputError when the map cannot be drawn
   /// so.
