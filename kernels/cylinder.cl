@@ -2,13 +2,31 @@
 #include "cylinder_ray.h"
 #include "xraycast/kernels/params.h"
 
-#if SLICES == 1 || defined(MOVED)
+#if SLICES == 1
 
 /* The sum of mu at samples [first, last), which lie within the slice. */
 static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
                         constant const XrcOpacity* opacity, global const float2* table) {
   Slices sum = 0.0f;
   for (int i = first; i < last; ++i) sum += mu_of_slices(hu_along(voxels, scan, ray, i), opacity, table);
+  return sum;
+}
+
+#elif defined(MOVED)
+
+/* The same in 16 slices of the moved scan. */
+static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
+                        constant const XrcOpacity* opacity, global const float2* table) {
+  Slices sum = 0.0f;
+  if (first >= last) return sum;
+  Offsets from = offsets_along(scan, ray, first - first % OFFSETS_STEP);
+  for (int i = first; i < last;) {
+    const int next = i - i % OFFSETS_STEP + OFFSETS_STEP;
+    const Offsets to = offsets_along(scan, ray, next);
+    for (; i < min(next, last); ++i)
+      sum += mu_of16(hu_between(voxels, scan, ray, i, &from, &to), opacity, table);
+    from = to;
+  }
   return sum;
 }
 

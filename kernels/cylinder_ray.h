@@ -16,15 +16,7 @@ typedef float Slices;
 
 static void store(const Slices value, float* values) { *values = value; }
 
-#ifdef MOVED
-
-/* Position (x, y), between voxels' centres of slice z, of the moved scan. */
-static Slices displaced_sample(SCAN voxels, const XrcScan* scan, const XrcField* field,
-                               global const float4* nodes, const int z, const float x, const float y) {
-  return displaced_hu(voxels, scan, field, nodes, (float3)(x, y, (float)z));
-}
-
-#else
+#ifndef MOVED
 
 /* Position (x, y), between voxels' centres of slice z, interpolated bilinearly. */
 static Slices sample(SCAN voxels, const XrcScan* scan, const int z, const float x, const float y) {
@@ -63,9 +55,15 @@ static void store(const Slices value, float* values) { vstore16(value, 0, values
 
 #ifdef MOVED
 
-/* The same of the moved scan: each slice of the brick shows what lies at a place of its own. */
-static Slices displaced_sample(SCAN voxels, const XrcScan* scan, const XrcField* field,
-                               global const float4* nodes, const int brick, const float x, const float y) {
+/* How far from each slice of a brick lies what it shows of the moved scan, in voxels; z from the brick's
+ * lowest slice on. */
+typedef struct {
+  float16 x, y, z;
+  int is_moved;
+} Offsets;
+
+static Offsets offsets_at(const XrcField* field, global const float4* nodes, const int brick, const float x,
+                          const float y) {
   const NodePlace nx = node_place(x * field->nodes_per_voxel[0], field->size_x),
                   ny = node_place(y * field->nodes_per_voxel[1], field->size_y);
   float4 levels[XRC_BRICK_SLICES / MOVED + 1];
@@ -74,8 +72,6 @@ static Slices displaced_sample(SCAN voxels, const XrcScan* scan, const XrcField*
     levels[i] = displacement_in(field, nodes, nx, ny, brick * (XRC_BRICK_SLICES / MOVED) + i);
     longest = fmax(longest, fabs(levels[i]));
   }
-  if (longest.x + longest.y + longest.z == 0.0f) return sample(voxels, scan, brick, x, y);
-
   float offset_x[XRC_BRICK_SLICES], offset_y[XRC_BRICK_SLICES], offset_z[XRC_BRICK_SLICES];
   for (int s = 0; s < XRC_BRICK_SLICES; ++s) {
     const float4 offset = mix(levels[s / MOVED], levels[s / MOVED + 1], (float)(s % MOVED) * (1.0f / MOVED));
@@ -83,10 +79,23 @@ static Slices displaced_sample(SCAN voxels, const XrcScan* scan, const XrcField*
     offset_y[s] = offset.y;
     offset_z[s] = offset.z + (float)s;
   }
+  Offsets offsets;
+  offsets.x = vload16(0, offset_x);
+  offsets.y = vload16(0, offset_y);
+  offsets.z = vload16(0, offset_z);
+  offsets.is_moved = longest.x + longest.y + longest.z > 0.0f;
+  return offsets;
+}
+
+/* Position (x, y), between voxels' centres of a brick, of the moved scan: each slice shows what lies at a
+ * place of its own, a share of the way from one offset to the other. */
+static Slices displaced_sample(SCAN voxels, const XrcScan* scan, const int brick, const float x,
+                               const float y, const Offsets* from, const Offsets* to, const float share) {
+  if (!from->is_moved && !to->is_moved) return sample(voxels, scan, brick, x, y);
   const float last_x = (float)(scan->size_x - 1), last_y = (float)(scan->size_y - 1),
               last_z = (float)(scan->size_z - 1);
-  const float16 at_x = x + vload16(0, offset_x), at_y = y + vload16(0, offset_y),
-                at_z = (float)(brick * XRC_BRICK_SLICES) + vload16(0, offset_z);
+  const float16 at_x = x + mix(from->x, to->x, share), at_y = y + mix(from->y, to->y, share),
+                at_z = (float)(brick * XRC_BRICK_SLICES) + mix(from->z, to->z, share);
   const int16 is_within = at_x >= -0.5f && at_x <= last_x + 0.5f && at_y >= -0.5f && at_y <= last_y + 0.5f &&
                           at_z >= -0.5f && at_z <= last_z + 0.5f;
   const float16 held_x = clamp(at_x, 0.0f, last_x), held_y = clamp(at_y, 0.0f, last_y),
@@ -160,15 +169,45 @@ static Ray ray_along(const float2 centre, const float2 direction, const int run,
   return ray;
 }
 
-/* HU of sample i < inside, held at the border voxels' centres. */
-static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
+/* Where sample i lies, held at the border voxels' centres. */
+static float2 place_along(const XrcScan* scan, const Ray* ray, const int i) {
   const float at = (float)i + 0.5f;
-  const float x = clamp(fma(at, ray->dx, ray->centre.x), 0.0f, (float)(scan->size_x - 1)),
-              y = clamp(fma(at, ray->dy, ray->centre.y), 0.0f, (float)(scan->size_y - 1));
-#ifdef MOVED
-  return displaced_sample(voxels, scan, ray->field, ray->nodes, ray->run, x, y);
+  return clamp(fma((float2)(at), (float2)(ray->dx, ray->dy), ray->centre), 0.0f,
+               (float2)((float)(scan->size_x - 1), (float)(scan->size_y - 1)));
+}
+
+#if defined(MOVED) && SLICES > 1
+
+/* Displacements are looked up at every eighth sample, and linear between. */
+#define OFFSETS_STEP 8
+
+static Offsets offsets_along(const XrcScan* scan, const Ray* ray, const int i) {
+  const float2 at = place_along(scan, ray, i);
+  return offsets_at(ray->field, ray->nodes, ray->run, at.x, at.y);
+}
+
+/* HU of sample i < inside, between the offsets of the samples before and behind it. */
+static Slices hu_between(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i, const Offsets* from,
+                         const Offsets* to) {
+  const float2 at = place_along(scan, ray, i);
+  return displaced_sample(voxels, scan, ray->run, at.x, at.y, from, to,
+                          (float)(i % OFFSETS_STEP) * (1.0f / OFFSETS_STEP));
+}
+
+#endif
+
+/* HU of sample i < inside. */
+static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
+#if defined(MOVED) && SLICES > 1
+  const Offsets from = offsets_along(scan, ray, i - i % OFFSETS_STEP),
+                to = offsets_along(scan, ray, i - i % OFFSETS_STEP + OFFSETS_STEP);
+  return hu_between(voxels, scan, ray, i, &from, &to);
+#elif defined(MOVED)
+  const float2 at = place_along(scan, ray, i);
+  return displaced_hu(voxels, scan, ray->field, ray->nodes, (float3)(at.x, at.y, (float)ray->run));
 #else
-  return sample(voxels, scan, ray->run, x, y);
+  const float2 at = place_along(scan, ray, i);
+  return sample(voxels, scan, ray->run, at.x, at.y);
 #endif
 }
 

@@ -24,8 +24,9 @@ Volume body(bool is_smooth) {
   for (std::int64_t z = 0; z < 45; ++z)
     for (std::int64_t y = 0; y < 56; ++y)
       for (std::int64_t x = 0; x < 60; ++x) {
-        const bool is_body = std::hypot(x - 29.0, y - 27.0) < 22;
-        const double hu = is_smooth ? 3.0 * x - 2.0 * y + 4.0 * z : static_cast<double>(random() % 400) - 200;
+        const glm::dvec3 at(x, y, z);
+        const bool is_body = std::hypot(at.x - 29, at.y - 27) < 22;
+        const double hu = is_smooth ? 3 * at.x - 2 * at.y + 4 * at.z : static_cast<double>(random() % 400) - 200;
         volume.at(x, y, z) = static_cast<std::int16_t>(is_smooth || is_body ? hu : -1000);
       }
   return volume;
@@ -81,10 +82,12 @@ TEST(MovingCaster, CastsAScanThatIsShiftedByVoxelsAsThatScan) {
     for (const ScanStorage storage : {ScanStorage::bricks, ScanStorage::image})
       for (const MapGeometry& geometry : geometries(volume)) {
         const HeldMotion motion({{{1, affine_displacement(glm::dmat3(1), shift_mm)}}});
-        // Places are rounded to 32 bits, at 60 voxels and slopes of 400 HU: 0.002 HU a sample.
+        // Places are rounded to 32 bits, at 60 voxels and slopes of 400 HU: 0.002 HU a sample. Where the scan ends
+        // within what is seen, the moved scan fades to air from voxel to voxel, the other ends at the voxel's face.
+        const double tolerance = shift_mm.z < 0 ? 0.03 : 2e-4;
         EXPECT_LE(largest_difference(cast_through(volume, geometry, motion, storage).tau,
                                      cast_moved(volume, geometry, motion).tau),
-                  2e-4)
+                  tolerance)
             << to_string(geometry.ray_layout) << " of " << geometry.centre_mm.size() << " centres, "
             << shift_mm.x;
       }
@@ -139,7 +142,8 @@ TEST(MovingCaster, KeysAreMapsOfTheMovedScanAndOwnTheRowsThatMove) {
     EXPECT_EQ(rows.count == geometry.height, k % 3 == 0) << k;
     if (k % 3 == 0) continue;
     EXPECT_EQ(rows.base, k / 3 * 3);
-    EXPECT_EQ((geometry.height - rows.first) % 16, 0);
+    EXPECT_TRUE(rows.first == 0 || (geometry.height - rows.first) % 16 == 0) << rows.first;
+    EXPECT_EQ((geometry.height - rows.first - rows.count) % 16, 0);
   }
   for (int k = 0; k < 9; ++k) {
     const std::vector<double> instant = phases.phases_of(k);

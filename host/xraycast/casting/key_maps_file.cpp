@@ -74,6 +74,8 @@ KeyParts key_parts(const BodyMap& map, const std::vector<std::string>& channels,
       ExrPart& part = made.parts.emplace_back(ExrPart{.name = fmt::format("key {} layer {}", k, layer),
                                                       .width = map.geometry.width,
                                                       .height = own.count,
+                                                      .first_row = own.first,
+                                                      .all_rows = map.geometry.height,
                                                       .is_half = true});
       for (std::size_t c = 0; c < channels.size(); ++c)
         part.channels[channels[c]] =

@@ -14,7 +14,7 @@
 namespace xraycast {
 
 /// The distance of the nodes on which displacements are kept while rays pass through a scan.
-inline constexpr double kFieldSpacing_mm = 6;
+inline constexpr double kFieldSpacing_mm = 8;
 
 /// How much a displacement must change between two keys, at some node of a slice, to make other rows.
 inline constexpr double kSameDisplacement_mm = 0.05;
