@@ -393,7 +393,7 @@ knots_hu: CT numbers at which the slope of other opacities may change, at most 6
 `opacity` and a standard set.
 motion, phase, time: the scan is cast at an instant of its motion, as in Scan.moved. motion alone: a map that moves,
 of key maps at phases of its modes.  keys: a dict of modes and the number of their phases; default 8 of a mode that
-wraps, 5 of any other.)";
+wraps, 4 of any other.)";
   scan.def(name, call, nb::arg("layers") = nb::none(), nb::arg("angles") = nb::none(), nb::kw_only(),
            nb::arg("opacity") = "paper", nb::arg("outline") = nb::none(), nb::arg("projection") = "cylinder",
            nb::arg("views") = nb::none(), nb::arg("radii") = nb::none(), nb::arg("radius_mm") = nb::none(),

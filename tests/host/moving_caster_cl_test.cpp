@@ -26,7 +26,8 @@ Volume body(bool is_smooth) {
       for (std::int64_t x = 0; x < 60; ++x) {
         const glm::dvec3 at(x, y, z);
         const bool is_body = std::hypot(at.x - 29, at.y - 27) < 22;
-        const double hu = is_smooth ? 3 * at.x - 2 * at.y + 4 * at.z : static_cast<double>(random() % 400) - 200;
+        const double hu =
+            is_smooth ? 3 * at.x - 2 * at.y + 4 * at.z : static_cast<double>(random() % 400) - 200;
         volume.at(x, y, z) = static_cast<std::int16_t>(is_smooth || is_body ? hu : -1000);
       }
   return volume;
@@ -82,8 +83,9 @@ TEST(MovingCaster, CastsAScanThatIsShiftedByVoxelsAsThatScan) {
     for (const ScanStorage storage : {ScanStorage::bricks, ScanStorage::image})
       for (const MapGeometry& geometry : geometries(volume)) {
         const HeldMotion motion({{{1, affine_displacement(glm::dmat3(1), shift_mm)}}});
-        // Places are rounded to 32 bits, at 60 voxels and slopes of 400 HU: 0.002 HU a sample. Where the scan ends
-        // within what is seen, the moved scan fades to air from voxel to voxel, the other ends at the voxel's face.
+        // Places are rounded to 32 bits, at 60 voxels and slopes of 400 HU: 0.002 HU a sample. Where the scan
+        // ends within what is seen, the moved scan fades to air from voxel to voxel, the other ends at the
+        // voxel's face.
         const double tolerance = shift_mm.z < 0 ? 0.03 : 2e-4;
         EXPECT_LE(largest_difference(cast_through(volume, geometry, motion, storage).tau,
                                      cast_moved(volume, geometry, motion).tau),

@@ -57,6 +57,6 @@ class KeyPhases {
 /// and kUsualOfStretch for one that does not. Throws InputError, with the field `keys`, for a name that is no
 /// mode, and as KeyPhases does.
 KeyPhases key_phases(const Motion& motion, const std::map<std::string, int>& keys);
-inline constexpr int kUsualOfCycle = 8, kUsualOfStretch = 5;
+inline constexpr int kUsualOfCycle = 8, kUsualOfStretch = 4;
 
 }  // namespace xraycast

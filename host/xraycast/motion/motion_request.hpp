@@ -27,8 +27,8 @@ struct MotionRequest {
 /// Reads no file.
 void check(const MotionRequest& request);
 
-/// The phase of each mode of a motion, in order: at the request's time, or as it names them. Throws InputError
-/// as Motion::phases_of.
+/// The phase of each mode of a motion, in order: at the request's time, or as it names them. Throws
+/// InputError as Motion::phases_of.
 std::vector<double> phases_of(const Motion& motion, const MotionRequest& request);
 
 /// A body's motion, held at what was asked for.

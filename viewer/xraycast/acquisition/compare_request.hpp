@@ -1,9 +1,9 @@
 #pragma once
 
 #include "xraycast/casting/body_map.hpp"
-#include "xraycast/casting/comparison.hpp"
 #include "xraycast/casting/view.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
+#include "xraycast/requests/comparison.hpp"
 #include "xraycast/sampling/column_samples.hpp"
 
 #include <cstddef>
