@@ -142,6 +142,7 @@ void cast_map(const CastArguments& options, Invocation& invocation) {
   const Stopwatch stopwatch;
   const CastRequest request = request_of(options);
   check(request);
+  check_precision(options.output, request.moves());
   check_outputs(options);
   std::optional<ScanInfo> opened;
   const auto open = [&](Progress& progress) {

@@ -35,11 +35,14 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
       ->type_name("NAME");
 }
 
-void choose_precision(BodyMap& map, const MapOutput& output) {
-  const MapPrecision given = parse_map_precision(output.precision.value_or(map.keys ? "byte" : "float"));
-  if (map.keys && given != MapPrecision::byte)
+void check_precision(const MapOutput& output, bool moves) {
+  if (moves && output.precision && parse_map_precision(*output.precision) != MapPrecision::byte)
     throw InputError("--precision {}: a map that moves is stored in bytes; leave it out", *output.precision);
-  map.precision = given;
+}
+
+void choose_precision(BodyMap& map, const MapOutput& output) {
+  check_precision(output, map.keys != nullptr);
+  map.precision = parse_map_precision(output.precision.value_or(map.keys ? "byte" : "float"));
 }
 
 void report_keys(const BodyMap& map, Json& json, std::string& text) {

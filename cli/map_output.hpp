@@ -19,8 +19,10 @@ struct MapOutput {
 /// --output, --preview, --preview-window and --precision.
 void add_map_output_options(CLI::App& command, MapOutput& output);
 
-/// Gives the map the precision that is asked for. Throws InputError for one of a map that moves other than
-/// bytes.
+/// Throws InputError for a precision other than bytes of a map that moves.
+void check_precision(const MapOutput& output, bool moves);
+
+/// Gives the map the precision that is asked for. Throws as check_precision.
 void choose_precision(BodyMap& map, const MapOutput& output);
 
 /// Adds the keys of a map that moves to what is printed.
