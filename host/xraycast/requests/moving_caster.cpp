@@ -57,9 +57,10 @@ class KeyDisplacements {
     std::map<const Displacement*, std::vector<glm::dvec3>> sampled_mm;
     for (const KeyPhase& of_motion : moving.keys)
       if (of_motion.moves) sampled_mm[of_motion.moves.get()].resize(places_mm.size());
-    for (auto& [moves, d_mm] : sampled_mm)
+    for (auto& sampled : sampled_mm)
       for_runs([&](std::int64_t first, std::int64_t count) {
-        moves->add(std::span(places_mm).subspan(first, count), 1, std::span(d_mm).subspan(first, count));
+        sampled.first->add(std::span(places_mm).subspan(first, count), 1,
+                           std::span(sampled.second).subspan(first, count));
       });
     const std::vector<double>& phases = phases_.phases()[mode];
     for (std::size_t i = 0; i < phases.size(); ++i) {
