@@ -114,6 +114,7 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
   }
   if (!session.vessels.empty()) {
     check_same_instant(*map, session.map.string(), session.vessels.string());
+    if (map->keys) program.say({"the vessels are drawn where they are at phase 0 of the map's motion"});
     scene.vessels = read_vessels(session.vessels, session.contrast_mg_ml);
     program.say(
         notes_on_place(scene.vessels->mesh.points_mm, bounds_of(map->geometry), session.vessels.string()));

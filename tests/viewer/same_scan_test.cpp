@@ -49,6 +49,24 @@ TEST(SameScan, TakesABasisOfOtherLayersOfOneScan) {
   EXPECT_NO_THROW(check_with(chest_map(4), chest_map(8)));
 }
 
+TEST(SameScan, ReadsTheInstantBehindASource) {
+  using Phases = std::map<std::string, double>;
+  EXPECT_EQ(instant_of("NRRD a, b 1/scan.nrrd, breath 0.25, heart 0"), (Phases{{"breath", 0.25}}));
+  EXPECT_EQ(instant_of("NRRD scan.nrrd"), Phases());
+  EXPECT_EQ(instant_of("NRRD scan, 2.nrrd, breath 3"), Phases());
+  EXPECT_EQ(instant_of(", breath 1"), (Phases{{"breath", 1}}));
+}
+
+TEST(SameScan, RefusesAStillMapOfAnotherInstant) {
+  BodyMap map{chest_map(4), Opacity::paper(), "scan.nrrd, breath 0.5, heart 0", {}};
+  EXPECT_NO_THROW(check_same_instant(map, "map", "scan.nrrd, breath 0.5"));
+  EXPECT_THROW(check_same_instant(map, "map", "scan.nrrd"), InputError);
+  EXPECT_THROW(check_same_instant(map, "map", "scan.nrrd, breath 0.7"), InputError);
+  map.source = "scan.nrrd";
+  EXPECT_NO_THROW(check_same_instant(map, "map", "vessels, breath 0"));
+  EXPECT_THROW(check_same_instant(map, "map", "scan.nrrd, breath 0.7"), InputError);
+}
+
 TEST(SameScan, TakesOneGeometryWhereAFileDoesNotTellTheField) {
   MapGeometry earlier = chest_map(4);
   earlier.field.reset();
