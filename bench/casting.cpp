@@ -3,8 +3,9 @@
 #include "suite.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/recast.hpp"
-#include "xraycast/casting/slab_caster.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/requests/moving_caster.hpp"
+#include "xraycast/requests/slab_caster.hpp"
 #include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
@@ -67,6 +68,9 @@ std::vector<Row> add_casting(Bench& bench) {
         [&bench, map = bench.body_map(layers)] { return kernel_ms(bench, map, Opacity::paper()); });
   add("cast_circles_16", [&bench, map = bench.map(16)] { return kernel_ms(bench, map, Opacity::paper()); });
   add("cast_64knots_1", [&bench, map = bench.body_map(1)] { return kernel_ms(bench, map, many_knots(64)); });
+  add("cast_keys_16", [&bench, map = bench.body_map(16)] {
+    cast_keys(bench.whole, map, Opacity::paper(), bench.motion, bench.keys, bench.progress);
+  });
   add_recast(bench, "recast_1", bench.body_map(1), 64);
   add_recast(bench, "recast_8", bench.body_map(8), 32);
   add("cast_from_file_1", [&bench] { cast_from_file(bench); });
@@ -78,6 +82,7 @@ std::vector<Row> add_casting(Bench& bench) {
           {"cast_resident_8", "floor", reported, 0},
           {"cast_circles_16", "floor", reported, 0},
           {"cast_64knots_1", "floor", reported, 0},
+          {"cast_keys_16", "5 s", at_most, 1},
           {"cast_from_file_1", "file read", at_most, 2},
           {"recast_1", "cast_resident_1", at_most, 0.08},
           {"recast_8", "cast_resident_8", at_most, 0.3},

@@ -29,6 +29,12 @@ std::vector<Row> add_drawing(Bench& bench) {
         std::make_shared<FluoroscopyFrames>(bench.scan, bench.body_map(8), width, height, subtracts);
     add(name, [pulses] { return pulses->next_ms(); });
   }
+  for (const auto& [name, width, height] :
+       {std::tuple{"frame_moving_8_640", 640, 480}, std::tuple{"frame_moving_8_1280", 1280, 720}}) {
+    auto moving = std::make_shared<MovingFrames>(bench.whole, bench.body_map(8), bench.motion, bench.keys,
+                                                 width, height);
+    add(name, [moving] { return moving->next_ms(); });
+  }
   constexpr double kTilt_rad = 0.35;
   auto circles = std::make_shared<Frames>(bench.scan, bench.map(8), 640, 480, false);
   add("frame_circles_8_640", [circles] { return circles->next_ms(); });
@@ -53,6 +59,8 @@ std::vector<Row> add_drawing(Bench& bench) {
           {"frame_8_vessels_1280", "paper's 16 frames/s", reported, 0},
           {"frame_8_1280", "paper's 16 frames/s", at_least, 1.5},
           {"frame_8_640", "VTK frame", at_least, 25},
+          {"frame_moving_8_640", "frame_8_640", at_most, 1.35},
+          {"frame_moving_8_1280", "frame_8_1280", at_most, 1.35},
           {"frame_circles_8_640", "frame_8_640", reported, 0},
           {"frame_8_cone_tilt_640", "frame_8_640", reported, 0},
           {"frame_rectangle_640", "frame_8_640", reported, 0},

@@ -7,6 +7,7 @@
 #include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/requests/moving_caster.hpp"
 
 #include <fmt/format.h>
 
@@ -51,6 +52,23 @@ double Frames::next_ms() {
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, gl_->target.texture(), 0);
   gl_->renderer.draw(view_of(pose_, bounds_, width_, height_), style_);
   glFinish();
+  return stopwatch.ms();
+}
+
+MovingFrames::MovingFrames(const SpectralScan& scan, const MapGeometry& geometry, const Motion& motion,
+                           const KeyPhases& keys, int width, int height)
+    : Frames(scan.native, geometry, width, height, false), rhythm_(keys.rhythm()) {
+  Progress progress;
+  renderer().set_map(
+      std::make_shared<BodyMap>(cast_keys(scan, geometry, Opacity::paper(), motion, keys, progress).map));
+  next_ms();
+}
+
+double MovingFrames::next_ms() {
+  constexpr double kPulse_s = 1.0 / 15;
+  const Stopwatch stopwatch;
+  renderer().set_phases(rhythm_.phases_at(time_s_ += kPulse_s));
+  Frames::next_ms();
   return stopwatch.ms();
 }
 

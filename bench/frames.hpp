@@ -1,7 +1,9 @@
 #pragma once
 
 #include "xraycast/casting/recast.hpp"
+#include "xraycast/casting/spectral_scan.hpp"
 #include "xraycast/drawing/renderer.hpp"
+#include "xraycast/motion/key_phases.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <cstdio>
@@ -31,6 +33,18 @@ class Frames {
   int width_, height_;
   struct Gl;
   std::unique_ptr<Gl> gl_;
+};
+
+/// The same of a map that moves, each frame a fifteenth of a second later.
+class MovingFrames : public Frames {
+ public:
+  MovingFrames(const SpectralScan& scan, const MapGeometry& geometry, const Motion& motion,
+               const KeyPhases& keys, int width, int height);
+  double next_ms();
+
+ private:
+  Motion rhythm_;
+  double time_s_ = 0;
 };
 
 /// The time from moving a knot of the opacity to the frame with the new map.

@@ -1,7 +1,8 @@
 #include "suite.hpp"
 
-#include "xraycast/casting/body_fit.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/phantom/phantom_motion_file.hpp"
+#include "xraycast/requests/body_fit.hpp"
 #include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
@@ -13,12 +14,26 @@ namespace xraycast::bench {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+Motion thorax_motion(const fs::path& folder, Progress& progress) {
+  constexpr double kNodes_mm = 4;
+  fs::create_directories(folder);
+  write_motion(make_phantom("thorax"), folder, kNodes_mm, progress);
+  return read_motion(folder / "motion.json");
+}
+
+}  // namespace
+
 Bench::Bench(fs::path folder, fs::path interpreter)
     : volume(generate(make_phantom("thorax"), device, progress)),
-      scan(upload(device, volume)),
+      whole{upload(device, volume), {}},
+      scan(whole.native),
       body(volume.geometry(), {.finds_skin = true}),
-      file(std::move(folder) / "bench-thorax.nrrd"),
-      python(std::move(interpreter)) {
+      file(folder / "bench-thorax.nrrd"),
+      python(std::move(interpreter)),
+      motion(thorax_motion(folder / "bench-thorax-motion", progress)),
+      keys(key_phases(motion, {})) {
   body.add(volume.hu());
   write_volume(volume, file, progress);
 }

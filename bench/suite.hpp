@@ -5,9 +5,10 @@
 #include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/map_geometry.hpp"
+#include "xraycast/casting/spectral_scan.hpp"
 #include "xraycast/casting/view.hpp"
 #include "xraycast/drawing/headless_context.hpp"
-#include "xraycast/opencl/resident_scan.hpp"
+#include "xraycast/motion/key_phases.hpp"
 
 #include <benchmark/benchmark.h>
 
@@ -24,7 +25,8 @@ struct Bench {
   ComputeDevice device;
   Progress progress;
   Volume volume;
-  ResidentScan scan;
+  SpectralScan whole;
+  const ResidentScan& scan;  ///< of `whole`
   OutlineFinder body;
   std::filesystem::path file;    ///< the scan as an uncompressed NRRD
   std::filesystem::path python;  ///< an interpreter that may find RTK
@@ -37,6 +39,10 @@ struct Bench {
 
   /// The same in shells that follow the body.
   MapGeometry body_map(int layers) const;
+
+  /// How it breathes, with a beating heart, and the usual key phases of that.
+  Motion motion;
+  KeyPhases keys;
 
   /// Of the same radius: parallel pictures from that many angles.
   MapGeometry pictures(int views) const;

@@ -10,6 +10,7 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/basis_file.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/requests/cast_request.hpp"
 
@@ -34,6 +35,7 @@ struct CastArguments {
               without_vessels;
   AttenuationOptions attenuation;
   MotionOptions motion;
+  std::vector<std::string> keys;
   std::optional<std::string> radii;
 };
 
@@ -82,7 +84,8 @@ CastRequest request_of(const CastArguments& options) {
   request.opacity = attenuation_named(options.attenuation.opacity);
   request.iodine = options.attenuation.iodine;
   request.without_vessels = options.without_vessels;
-  request.motion = parse_motion(options.motion);
+  request.motion = motion_request_of(options.motion);
+  request.keys = parse_keys(options.keys);
   if (!options.memory_limit.empty()) request.memory_limit_B = parse_memory_limit(options.memory_limit);
   if (!options.basis.empty())
     request.knots_hu =
@@ -121,6 +124,7 @@ void report_cast(const Casting& casting, const CastArguments& options, double wr
       std::visit([](const auto& one) { return one.name(); }, casting.map.attenuation), casting.load.read_ms,
       casting.load.upload_ms, casting.outline_ms, casting.kernel_ms, write_ms, total_ms);
   if (!casting.motion.phases.empty()) json["motion"] = to_json(casting.motion);
+  report_keys(casting.map, json, text);
   if (casting.outside_share) json["outside_share"] = *casting.outside_share;
   if (!casting.cut_off.empty()) text += casting.cut_off + "\n";
   if (!casting.left_out.empty()) text += invocation.spelled(casting.left_out) + "\n";
@@ -138,6 +142,7 @@ void cast_map(const CastArguments& options, Invocation& invocation) {
   const Stopwatch stopwatch;
   const CastRequest request = request_of(options);
   check(request);
+  check_precision(options.output, request.moves());
   check_outputs(options);
   std::optional<ScanInfo> opened;
   const auto open = [&](Progress& progress) {
@@ -149,7 +154,7 @@ void cast_map(const CastArguments& options, Invocation& invocation) {
   Casting casting = cast(request, open, device, invocation.progress);
   invocation.say(casting.notes);
   casting.describe(fmt::format("{} {}", opened->format, options.input), frame_of_reference_uid(*opened));
-  casting.map.precision = parse_map_precision(options.output.precision);
+  choose_precision(casting.map, options.output);
 
   const Stopwatch writing;
   OutputSet outputs;
@@ -170,7 +175,8 @@ void add_cast(CLI::App& app, Invocation& invocation) {
       "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --keep-basis chest.basis\n"
       "  xraycast cast cta.nrrd -o cta.exr --opacity spectrum:80 --iodine vessels.nrrd\n"
       "  xraycast cast head.nrrd -o head.exr --centre -3.5,12 --radius 110 --radii 0,40,80,110\n"
-      "  xraycast cast chest.nii.gz -o inhaled.exr --layers 16 --motion motion.json --phase breath=1",
+      "  xraycast cast chest.nii.gz -o inhaled.exr --layers 16 --motion motion.json --phase breath=1\n"
+      "  xraycast cast chest.nii.gz -o moving.exr --layers 16 --motion motion.json --keys breath=4",
       [options, &invocation] { cast_map(*options, invocation); });
   add_scan_argument(*command, options->input);
   add_map_output_options(*command, options->output);
@@ -226,6 +232,15 @@ void add_cast(CLI::App& app, Invocation& invocation) {
                    "they can be drawn as a surface instead")
       ->type_name("DIR");
   add_motion_options(*command, options->motion);
+  command
+      ->add_option(
+          "--keys", options->keys,
+          fmt::format("--motion without --phase and --time makes a map that moves: key maps at phases "
+                      "of its modes, between which frames are blended. This many of a mode (default: {} "
+                      "of one that wraps, {} of any other). Repeat it for several modes",
+                      kUsualOfCycle, kUsualOfStretch))
+      ->allow_extra_args(false)
+      ->type_name("NAME=N");
   add_attenuation_options(*command, options->attenuation);
   command
       ->add_option("--memory-limit", options->memory_limit,

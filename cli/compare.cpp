@@ -1,10 +1,12 @@
 #include "options/command.hpp"
+#include "options/motion_options.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/acquisition/compare_request.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/reports/comparison_report.hpp"
 #include "xraycast/scan/scan.hpp"
@@ -28,6 +30,7 @@ struct CompareArguments {
                                              reconstruction = "linear";
   std::vector<std::string> maps;
   ScanOptions scan;
+  MotionOptions motion;
   int views = 12;
   CompareRequest request;
   const CLI::App* command = nullptr;
@@ -114,6 +117,20 @@ void report_comparisons(const std::vector<MapComparison>& comparisons, const Com
   invocation.answer(result, text);
 }
 
+/// The instant at which the scan is taken. The motion is that of a map that moves, unless another is given.
+MotionRequest instant_of_scan(const CompareArguments& options, const CompareRequest& request) {
+  MotionRequest instant = motion_request_of(options.motion);
+  const auto moving =
+      std::ranges::find_if(request.maps, [](const ComparedMap& one) { return one.map->keys != nullptr; });
+  if (moving == request.maps.end() || !instant.motion.empty() || (instant.phase.empty() && !instant.time_s))
+    return instant;
+  instant.motion = moving->map->keys->motion;
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(instant.motion, error))
+    throw InputError("{}: its motion {} is not there; give --motion", moving->name, instant.motion.string());
+  return instant;
+}
+
 void compare_maps(const CompareArguments& options, Invocation& invocation) {
   CompareRequest request = parse_request(options);
   if (request.sampling.compositing == Compositing::wall)
@@ -126,9 +143,13 @@ void compare_maps(const CompareArguments& options, Invocation& invocation) {
   for (const std::string& path : options.maps)
     request.maps.push_back({std::make_shared<const BodyMap>(read_body_map(path)), path});
   check(request);
-  const Scan scan = open_scan(options.input, options.scan, invocation.progress);
+  const MotionOfRequest motion = held_motion(instant_of_scan(options, request));
+  request.phase = {motion.phases.begin(), motion.phases.end()};
+  const std::string scan_name = options.input + motion.suffix();
+  Scan scan = open_scan(options.input, options.scan, invocation.progress);
+  check(request, scan.source->geometry(), scan_name);
+  scan = moved(std::move(scan), motion, invocation.progress);
   invocation.say_about(scan.info);
-  check(request, scan.source->geometry(), options.input);
   if (!options.pictures.empty()) make_picture_folder(options);
   ComputeDevice device(invocation.device);
   OutlineFinder finder(scan.source->geometry());
@@ -144,7 +165,7 @@ void compare_maps(const CompareArguments& options, Invocation& invocation) {
       });
   pictures.reset();
   if (!options.plot.empty())
-    write_picture(comparison_plot(options.input, options.plotted, request, comparisons), options.plot);
+    write_picture(comparison_plot(scan_name, options.plotted, request, comparisons), options.plot);
   report_comparisons(comparisons, request, options, invocation);
 }
 
@@ -158,7 +179,8 @@ void add_compare(CLI::App& app, Invocation& invocation) {
       "  xraycast compare chest.nii.gz chest.exr --views 4 --pictures chest-views\n"
       "  xraycast compare chest.nii.gz chest-8.exr chest-16.exr chest-32.exr --plot layers.png\n"
       "  xraycast compare chest.nii.gz chest.exr pictures.exr --angles 0:31:1 --plot-of rmse --plot p.png\n"
-      "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --tilt 20 --json",
+      "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --tilt 20 --json\n"
+      "  xraycast compare chest.nii.gz moving.exr --phase breath=0.3 --phase heart=0.8",
       [options, &invocation] { compare_maps(*options, invocation); });
   options->command = command;
   command->add_option("INPUT", options->input, "The scan that the maps were cast from")->required();
@@ -194,6 +216,13 @@ void add_compare(CLI::App& app, Invocation& invocation) {
       ->capture_default_str()
       ->type_name("DEG");
   add_cone_option(*command, options->cone);
+  command
+      ->add_option(
+          "--motion", options->motion.motion,
+          "How the body moves, a motion.json, by which the scan is moved too (default: that of a map "
+          "that moves)")
+      ->type_name("FILE");
+  add_instant_options(*command, options->motion);
   add_scan_options(*command, options->scan);
 }
 

@@ -1,8 +1,13 @@
+#include "map_output.hpp"
 #include "options/command.hpp"
+#include "options/motion_options.hpp"
+#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <iterator>
@@ -87,6 +92,52 @@ Json json_of(const std::string& input, const ScanInfo& info, const VolumeGeometr
           {"warnings", info.warnings}};
 }
 
+/// Describes a body map.
+void tell_of_map(const std::string& path, const Invocation& invocation) {
+  const BodyMap map = read_body_map(path);
+  const MapGeometry& geometry = map.geometry;
+  const std::string attenuation = std::visit([](const auto& one) { return one.name(); }, map.attenuation);
+  Json json{{"input", path}, {"source", map.source}, {"opacity", attenuation}, {"map", to_json(map)}};
+  std::string text;
+  const auto row = [&](const char* name, const std::string& value) {
+    text += fmt::format("{:<12}{}\n", name, value);
+  };
+  row("format", fmt::format("body map, {}", to_string(geometry.ray_layout)));
+  row("source", map.source);
+  row("texels", fmt::format("{} of {} x {}, {}", pluralize(geometry.layers(), "layer"),
+                            pluralize(geometry.width, "column"), pluralize(geometry.height, "row"),
+                            to_string(map.precision)));
+  row("shells", fmt::format("outline {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm",
+                            geometry.has_outline() ? "body" : "circle", geometry.radius_mm(),
+                            geometry.centre_mm[0].x, geometry.centre_mm[0].y));
+  row("opacity", attenuation);
+  if (map.keys) {
+    const KeyPhases& phases = map.keys->phases();
+    for (std::size_t m = 0; m < phases.phases().size(); ++m) {
+      const MotionMode& mode = phases.rhythm().modes()[m];
+      row("mode", fmt::format("{}, {}, key phases {:.3g}", mode.name,
+                              mode.waveform.empty()
+                                  ? fmt::format("{:g} s", mode.period_s)
+                                  : fmt::format("a waveform of {:g} s",
+                                                mode.waveform.back().time_s - mode.waveform.front().time_s),
+                              fmt::join(phases.phases()[m], ", ")));
+    }
+    row("keys", fmt::format("{}, {:.1f} MB", pluralize(phases.count(), "map"),
+                            static_cast<double>(map.keys->size_B()) / 1e6));
+    row("motion", map.keys->motion.empty() ? "not named" : map.keys->motion.string());
+    json["keys"] = {{"maps", phases.count()},
+                    {"bytes", map.keys->size_B()},
+                    {"modes", to_json(phases)},
+                    {"motion", map.keys->motion.string()}};
+  }
+  invocation.answer(json, text);
+}
+
+bool is_map(const std::string& path) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(path, error) && extension_of(path) == ".exr";
+}
+
 /// Reads all slices for their HU range, without keeping them.
 SliceSource::HuRange read_range(SliceSource& source, Progress& progress) {
   const std::int64_t run = std::min<std::int64_t>(64, source.geometry().size.z);
@@ -103,10 +154,13 @@ SliceSource::HuRange read_range(SliceSource& source, Progress& progress) {
 void add_info(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<InfoArguments>();
   CLI::App* command = add_command(
-      app, invocation, "info", "Describe a scan: series, size, spacing, orientation, tilt, gaps, HU range",
+      app, invocation, "info",
+      "Describe a scan: series, size, spacing, orientation, tilt, gaps, HU range; or a body map",
       "  xraycast info scans/chest/\n"
-      "  xraycast info head.nii.gz --json",
+      "  xraycast info head.nii.gz --json\n"
+      "  xraycast info moving.exr",
       [options, &invocation] {
+        if (is_map(options->input)) return tell_of_map(options->input, invocation);
         Scan scan = open_scan(options->input, options->scan, invocation.progress);
         const auto hu = read_range(*scan.source, invocation.progress);
         for (const std::string& warning : hu.warnings())
@@ -117,7 +171,7 @@ void add_info(CLI::App& app, Invocation& invocation) {
   command
       ->add_option("INPUT", options->input,
                    "DICOM or GE Genesis folder or .zip, or a NIfTI, NRRD, MetaImage, VTK, multi-frame or "
-                   "single-slice file")
+                   "single-slice file; or a body map")
       ->required();
   add_scan_options(*command, options->scan);
 }

@@ -37,7 +37,7 @@ void recast_map(const RecastArguments& options, Invocation& invocation) {
   RecastSession recasting(device, basis);
   const double upload_ms = uploading.ms();
   BodyMap map = recasting.recast(opacity);
-  map.precision = parse_map_precision(options.output.precision);
+  choose_precision(map, options.output);
 
   const Stopwatch writing;
   OutputSet outputs;
@@ -58,6 +58,7 @@ void recast_map(const RecastArguments& options, Invocation& invocation) {
       options.output.map, pluralize(map.geometry.layers(), "layer"), pluralize(map.geometry.width, "angle"),
       pluralize(map.geometry.height, "slice"), opacity.name(), read_ms, upload_ms, recasting.kernel_ms(),
       write_ms, total_ms);
+  report_keys(map, json, text);
   report_preview(map.geometry, options.output, json, text);
   invocation.report(json, text);
 }

@@ -9,6 +9,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/geometry/moved_vessels.hpp"
@@ -21,6 +22,7 @@
 #include <glm/trigonometric.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -37,10 +39,13 @@ struct RenderArguments {
   std::optional<std::string> look, compositing, reconstruction;
   std::optional<double> wall_radius_mm;
   bool full_contrast = false, annotations = false;
+  std::optional<double> seconds;
   ViewOptions view;
   GreyOptions grey;
   DicomOptions dicom;
   FluoroscopeArguments fluoroscope;
+
+  bool is_cine() const { return !cine.empty() || seconds; }
 };
 
 void apply_style(const RenderArguments& options, Style& style) {
@@ -83,8 +88,8 @@ void check_angle(const RenderArguments& options) {
 }
 
 void check_output(const RenderArguments& options) {
-  if (options.cine.empty()) check_projection_format(options.output);
-  if (options.cine.empty() || is_xa(options.output)) {
+  if (!options.is_cine()) check_projection_format(options.output);
+  if (!options.is_cine() || is_xa(options.output)) {
     check_shown(options.grey, options.output);
     check_shown(options.full_contrast, "--full-contrast", options.output);
     check_shown(options.annotations, "--annotations", options.output);
@@ -92,23 +97,55 @@ void check_output(const RenderArguments& options) {
   } else if (is_animation(options.output)) {
     check_writable(options.output);
   } else {
-    make_frames_folder(options.output, "--cine with -o " + options.output);
+    make_frames_folder(
+        options.output,
+        fmt::format("{} with -o {}", options.cine.empty() ? "--seconds" : "--cine", options.output));
     check_writable(fs::path(options.output) / "frame-000.png");
   }
 }
 
-/// Of the vessels. Throws InputError where it moves nothing.
-MotionRequest motion_request(const RenderArguments& options, const ViewSession& scene) {
-  MotionRequest request = parse_motion(options.motion);
-  if (request.is_given() && scene.vessels.empty())
-    throw InputError(
-        "--motion {}: moves vessels; give --vessels too, or leave it out: a map stays as it was cast",
-        options.motion.motion);
+/// Of the vessels in a map that stands still. Throws InputError where it moves nothing.
+MotionRequest motion_request(const RenderArguments& options, const ViewSession& scene, const BodyMap& map) {
+  MotionRequest request = motion_request_of(options.motion);
+  if (!request.motion.empty() && scene.vessels.empty())
+    throw InputError("--motion {}: moves vessels; give --vessels too, or leave it out: a map {}",
+                     options.motion.motion, map.keys ? "that moves needs none" : "stays as it was cast");
   if (!options.road_map_phases.empty() && !(scene.steered && scene.steered->has_road_map))
     throw InputError(
         "--road-map-phase {}: there is no road map; give a --session that has one, or leave it out",
         options.road_map_phases.front());
+  if (map.keys) return {};  // phases_of_frames() takes them
+  if (request.motion.empty() && (!request.phase.empty() || request.time_s || options.seconds))
+    throw InputError(
+        "{}: the map stands still; make one that moves by `xraycast cast --motion` without --phase and "
+        "--time",
+        options.map.empty() ? options.session : options.map);
+  check(request);
   return request;
+}
+
+/// By which the vessels in a map that moves do: the one that is given, else the one by which the map was
+/// cast; none where that is not there any more.
+std::shared_ptr<const Motion> motion_of_map(const RenderArguments& options, const BodyMap& map,
+                                            const Invocation& program) {
+  const fs::path file = options.motion.motion.empty() ? map.keys->motion : fs::path(options.motion.motion);
+  if (options.motion.motion.empty() && !fs::exists(file)) {
+    program.say(
+        {"the vessels stay where they are at phase 0 of the map's motion; give --motion, by which it was "
+         "cast, to move them too"});
+    return nullptr;
+  }
+  auto motion = std::make_shared<const Motion>(read_motion(file));
+  const auto names = [](const Motion& of) {
+    std::vector<std::string> all;
+    for (const MotionMode& mode : of.modes()) all.push_back(mode.name);
+    return all;
+  };
+  if (names(*motion) != names(map.keys->phases().rhythm()))
+    throw InputError("--motion {}: has other modes than the map; give the motion by which it was cast",
+                     file.string());
+  program.say(motion->warnings());
+  return motion;
 }
 
 /// A road map shows the vessels as they were when it was taken, whatever the body does since.
@@ -129,7 +166,6 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
                     const Invocation& program) {
   MapScene scene{.map = map};
   program.say(motion.warnings);
-  program.say(notes_on_instant(map->source, motion));
   if (session.steered) {
     scene.instruments = steered_surfaces(*session.steered);
     if (session.steered->has_road_map && !session.vessels.empty())
@@ -138,8 +174,10 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
   }
   if (!session.vessels.empty()) {
     std::vector<std::string> notes;
-    scene.vessels = moved(read_vessels(session.vessels, session.contrast_mg_ml), motion.held,
-                          session.vessels.string(), notes);
+    const std::string vessels = session.vessels.string();
+    check_same_instant(*map, session.map.string(), vessels + motion.suffix());
+    scene.vessels = moved(read_vessels(session.vessels, session.contrast_mg_ml), motion.held, vessels, notes);
+    if (map->keys) scene.motion = motion_of_map(options, *map, program);
     program.say(notes);
     program.say(
         notes_on_place(scene.vessels->mesh.points_mm, bounds_of(map->geometry), session.vessels.string()));
@@ -176,9 +214,28 @@ std::vector<View> views_of(const View& view, std::span<const double> cine_deg) {
   return views;
 }
 
-void draw(MapAcquisition& frames, std::span<const View> views, FrameFile& file, Progress& progress) {
+/// The phases of a map at each of its frames. They advance with the frames of a cine, unless phases are held.
+std::vector<std::vector<double>> phases_of_frames(const RenderArguments& options, const BodyMap& map,
+                                                  std::size_t frames, double frame_s,
+                                                  const Invocation& program) {
+  if (!map.keys) return {};
+  const MotionRequest given{{}, parse_phases(options.motion.phases), options.motion.time_s};
+  const Motion& rhythm = map.keys->phases().rhythm();
+  std::vector<std::vector<double>> phases(frames, phases_of(rhythm, given));
+  if (options.is_cine() && given.phase.empty())
+    for (std::size_t i = 0; i < frames; ++i)
+      phases[i] = rhythm.phases_at(given.time_s.value_or(0) + static_cast<double>(i) * frame_s);
+  else if (given.phase.empty() && !given.time_s)
+    program.say({"the map moves; this is phase 0 of its motion, give --phase or --time for another instant"});
+  return phases;
+}
+
+void draw(MapAcquisition& frames, std::span<const View> views, std::span<const std::vector<double>> phases,
+          FrameFile& file, Progress& progress) {
   progress.begin("drawing", std::ssize(views), "frames");
-  for (const View& view : views) {
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const View& view = views[i];
+    if (!phases.empty()) frames.set_phases(phases[i]);
     if (file.is_shown())
       file.add(frames.picture(view));
     else
@@ -186,6 +243,15 @@ void draw(MapAcquisition& frames, std::span<const View> views, FrameFile& file, 
     progress.advance();
   }
   file.finish(frames.acquisition().record());
+}
+
+/// Of a cine that lasts so long.
+std::size_t frames_within(double seconds, double frame_s) {
+  constexpr double kMost = 10000;
+  const double frames = std::round(seconds / frame_s);
+  if (!(frames >= 1 && frames <= kMost))
+    throw InputError("--seconds {:g}: makes {:.0f} frames; must make 1 to {:.0f}", seconds, frames, kMost);
+  return static_cast<std::size_t>(frames);
 }
 
 void render(const RenderArguments& options, Invocation& invocation) {
@@ -196,13 +262,16 @@ void render(const RenderArguments& options, Invocation& invocation) {
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
   ViewSession scene = resolve_scene(options.session, options.map, options.scene);
   const PictureOptions picture = picture_of(options, scene);
-  const MotionOfRequest motion = held_motion(motion_request(options, scene));
   scene.style = picture.style;
   const auto& fluoroscope = picture.acquisition.fluoroscope;
   const auto map = load_map(scene, invocation.device);
+  const MotionOfRequest motion = held_motion(motion_request(options, scene, *map));
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
   const View view = resolve_view(options, scene, bounds_of(map->geometry));
-  const std::vector<View> views = views_of(view, cine_deg);
+  const double frame_s = fluoroscope ? 1 / fluoroscope->pulses_per_s : CineWriter::kUsualFrame_s;
+  std::vector<View> views = views_of(view, cine_deg);
+  if (options.seconds) views.assign(frames_within(*options.seconds, frame_s), view);
+  const auto phases = phases_of_frames(options, *map, views.size(), frame_s, invocation);
 
   check_dicom(view, xa, options.output, invocation);
   if (fluoroscope && !map->spectrum()) note_on_energies(invocation);
@@ -212,11 +281,9 @@ void render(const RenderArguments& options, Invocation& invocation) {
                         views.front());
   const Stopwatch stopwatch;
   FrameFile file(options.output,
-                 {.is_cine = !cine_deg.empty(),
-                  .most_frames = std::ssize(views),
-                  .frame_s = fluoroscope ? 1 / fluoroscope->pulses_per_s : CineWriter::kUsualFrame_s},
-                 view, picture.acquisition, xa);
-  draw(frames, views, file, invocation.progress);
+                 {.is_cine = options.is_cine(), .most_frames = std::ssize(views), .frame_s = frame_s}, view,
+                 picture.acquisition, xa);
+  draw(frames, views, phases, file, invocation.progress);
   const double draw_ms = stopwatch.ms();
   note_on_saturation(frames.acquisition().is_saturated(), invocation);
 
@@ -232,7 +299,16 @@ void render(const RenderArguments& options, Invocation& invocation) {
     result["fluoroscope"] = to_json(*exposure);
     dose = summary(*exposure);
   }
+  if (!phases.empty() && views.size() == 1) {
+    Json& instant = result["phases"];
+    for (std::size_t m = 0; m < phases[0].size(); ++m)
+      instant[map->keys->phases().rhythm().modes()[m].name] = phases[0][m];
+  }
   std::string angles = label(view);
+  if (options.seconds)
+    angles += fmt::format(", {} of {:g} s", pluralize(views.size(), "frame"), frame_s);
+  else if (!phases.empty() && !options.is_cine())
+    angles += instant_suffix(map->keys->phases(), phases[0]);
   if (!cine_deg.empty()) {
     result["image"].erase("angle_deg");
     result["angles_deg"] = cine_deg;
@@ -257,6 +333,8 @@ void add_render(CLI::App& app, Invocation& invocation) {
       "  xraycast render inhaled.exr -o frame.png --vessels thorax-truth --motion motion.json --phase "
       "breath=1\n"
       "  xraycast render map.exr -o frames --cine 0:360:5\n"
+      "  xraycast render moving.exr -o inhaled.png --phase breath=1\n"
+      "  xraycast render moving.exr -o breath.gif --seconds 4\n"
       "  xraycast render map.exr -o run.dcm --cine=-30:30:2 --cone 780,1200\n"
       "  xraycast render map.exr -o fluoro.png --c-arm mobile-flat-panel --dose low --collimate 200,150\n"
       "  xraycast render --session operation.json -o frame.png",
@@ -272,8 +350,11 @@ void add_render(CLI::App& app, Invocation& invocation) {
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
   add_scene_options(*command, options->scene);
-  add_motion_options(*command, options->motion,
-                     "the vessels are where they are then; give a map that was cast at the same instant");
+  command
+      ->add_option("--motion", options->motion.motion,
+                   "How the vessels move: the motion.json by which the map was cast. A map that moves names "
+                   "it; with one that was cast at an instant give --phase or --time too")
+      ->type_name("FILE");
   command
       ->add_option(
           "--road-map-phase", options->road_map_phases,
@@ -316,11 +397,20 @@ void add_render(CLI::App& app, Invocation& invocation) {
       "fluoro: vessels and catheter keep full contrast where the grey window compresses the body's");
   command->add_flag("--annotations", options->annotations,
                     "Orientation letters (R L A P S I), the axis, and a scale bar");
+  CLI::Option* cine =
+      command
+          ->add_option("--cine", options->cine,
+                       "A rotational cine instead of one frame; TO is excluded; surplus frames of an earlier "
+                       "cine are removed")
+          ->type_name("FROM:TO:STEP");
+  add_instant_options(*command, options->motion);
   command
-      ->add_option("--cine", options->cine,
-                   "A rotational cine instead of one frame; TO is excluded; surplus frames of an earlier "
-                   "cine are removed")
-      ->type_name("FROM:TO:STEP");
+      ->add_option(
+          "--seconds", options->seconds,
+          "Of a map that moves: a cine of so many seconds of its motion, from --time (default 0) on, "
+          "20 frames a second or those of --pulse-rate; frames of --cine move likewise")
+      ->excludes(cine)
+      ->type_name("S");
   command
       ->add_option("--session", options->session,
                    "The scene of a viewer session (Ctrl+S); other options override it")

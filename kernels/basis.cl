@@ -26,7 +26,7 @@ kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder cylin
                         global const float* scales, constant const XrcShell* shells,
                         global const float2* knots, global const uchar* below, const int count,
                         const long first_tile, const int tiles, global ulong* touched,
-                        global ushort* weights) {
+                        global ushort* weights MOVED_PARAMETERS) {
   const int item = (int)get_global_id(0);
   if (item >= tiles) return;
   const long tile = first_tile + item;
@@ -42,7 +42,8 @@ kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder cylin
     const int run = (brick * XRC_BRICK_SLICES + start) / SLICES;
     if (run * SLICES >= scan.size_z) break;
     const float scale = scales[(scan.size_z - 1 - run * SLICES) * cylinder.map.scale_stride + column];
-    const Ray ray = ray_along(centres[run * SLICES], directions[column] * scale, run, &cylinder, &scan);
+    const Ray ray =
+        ray_along(centres[run * SLICES], directions[column] * scale, run, &cylinder, &scan MOVED_ARGUMENTS);
     for (int i = first; i < last; ++i) {
       const float length_mm = i < shell.first  ? shell.head_mm
                               : i < shell.last ? cylinder.map.step_mm

@@ -8,7 +8,25 @@
 static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
                         constant const XrcOpacity* opacity, global const float2* table) {
   Slices sum = 0.0f;
-  for (int i = first; i < last; ++i) sum += mu_of(hu_along(voxels, scan, ray, i), opacity, table);
+  for (int i = first; i < last; ++i) sum += mu_of_slices(hu_along(voxels, scan, ray, i), opacity, table);
+  return sum;
+}
+
+#elif defined(MOVED)
+
+/* The same in 16 slices of the moved scan. */
+static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
+                        constant const XrcOpacity* opacity, global const float2* table) {
+  Slices sum = 0.0f;
+  if (first >= last) return sum;
+  Offsets from = offsets_along(scan, ray, first - first % OFFSETS_STEP);
+  for (int i = first; i < last;) {
+    const int next = i - i % OFFSETS_STEP + OFFSETS_STEP;
+    const Offsets to = offsets_along(scan, ray, next);
+    for (; i < min(next, last); ++i)
+      sum += mu_of16(hu_between(voxels, scan, ray, i, &from, &to), opacity, table);
+    from = to;
+  }
   return sum;
 }
 
@@ -72,11 +90,13 @@ static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const 
 kernel void cast_cylinder(SCAN voxels, const XrcScan scan, const XrcCylinder cylinder,
                           global const float2* centres, global const float2* directions,
                           global const float* scales, constant const XrcShell* shells,
-                          constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
+                          constant const XrcOpacity* opacity, global const float2* table,
+                          global float* tau MOVED_PARAMETERS) {
   const int column = (int)get_global_id(0), run = (int)get_global_id(1);
   if (column >= cylinder.map.width || run * SLICES >= scan.size_z) return;
   const int row = scan.size_z - 1 - run * SLICES; /* row 0 is the most superior slice */
   const float scale = scales[row * cylinder.map.scale_stride + column];
-  const Ray ray = ray_along(centres[run * SLICES], directions[column] * scale, run, &cylinder, &scan);
+  const Ray ray =
+      ray_along(centres[run * SLICES], directions[column] * scale, run, &cylinder, &scan MOVED_ARGUMENTS);
   cast_shells(voxels, &scan, &ray, &cylinder.map, column, row, scale, shells, opacity, table, tau);
 }

@@ -5,4 +5,6 @@ set(lint "${CLANG}" -x cl -cl-std=CL1.2 -fsyntax-only -Wall -Wextra -Werror -Xcl
 foreach(kernel IN LISTS KERNELS)
   execute_process(COMMAND ${lint} -DRAMPS=0 "${kernel}" COMMAND_ERROR_IS_FATAL ANY)
   execute_process(COMMAND ${lint} -DRAMPS=2 -DSCAN_IMAGE "${kernel}" COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND ${lint} -DRAMPS=2 -DMOVED=4 "${kernel}" COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND ${lint} -DRAMPS=2 -DMOVED=4 -DSCAN_IMAGE "${kernel}" COMMAND_ERROR_IS_FATAL ANY)
 endforeach()

@@ -4,6 +4,7 @@
  *   Ray       a ray in voxels, whose first `inside` samples lie within the scan; those beyond are air
  *   Slices    values of the SLICES slices that a work-item takes at once, which `store` writes to an array
  *   hu_along  HU at a sample within the scan
+ *   mu_of_slices  mu of these
  *   sum_of_mu the sum of mu at samples [first, last), all of them within the scan
  */
 #ifndef XRAYCAST_SHELL_LOOP_H
@@ -12,12 +13,6 @@
 #include "classify.h"
 #include "scan_access.h"
 #include "xraycast/kernels/params.h"
-
-#if SLICES == 1
-#define mu_of_slices mu_of
-#else
-#define mu_of_slices mu_of16
-#endif
 
 /* Writes the texels of every layer: `row` is that of the lowest slice, whose neighbours have the rows above.
  * `scale` is by what the ray's samples are longer than the map's step.

@@ -1,36 +1,34 @@
 #include "classify.h"
+#include "displaced.h"
 #include "rays.h"
 #include "scan_access.h"
+#include "trilinear.h"
 #include "xraycast/kernels/params.h"
 
 #define SLICES 1
+#define mu_of_slices mu_of
 typedef float Slices;
 
 /* In voxels. The first `inside` samples lie within the scan; those beyond are air. */
 typedef struct {
   float3 centre, step;
   int inside;
+#ifdef MOVED
+  const XrcField* field;
+  global const float4* nodes;
+#endif
 } Ray;
-
-/* Trilinear, held at the border voxels' centres. */
-INLINE float sample(SCAN voxels, const XrcScan* scan, const float3 at) {
-  const float3 last =
-      (float3)((float)(scan->size_x - 1), (float)(scan->size_y - 1), (float)(scan->size_z - 1));
-  const float3 held = clamp(at, (float3)(0.0f), last);
-  const int x = (int)held.x, y = (int)held.y, z = (int)held.z;
-  const int x1 = min(x + 1, scan->size_x - 1), y1 = min(y + 1, scan->size_y - 1),
-            z1 = min(z + 1, scan->size_z - 1);
-  const float fx = held.x - (float)x, fy = held.y - (float)y, fz = held.z - (float)z;
-  const float lower = mix(mix(voxel_hu(voxels, scan, x, y, z), voxel_hu(voxels, scan, x1, y, z), fx),
-                          mix(voxel_hu(voxels, scan, x, y1, z), voxel_hu(voxels, scan, x1, y1, z), fx), fy);
-  const float upper = mix(mix(voxel_hu(voxels, scan, x, y, z1), voxel_hu(voxels, scan, x1, y, z1), fx),
-                          mix(voxel_hu(voxels, scan, x, y1, z1), voxel_hu(voxels, scan, x1, y1, z1), fx), fy);
-  return mix(lower, upper, fz);
-}
 
 /* HU of sample i < inside. */
 INLINE Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
-  return sample(voxels, scan, fma((float3)((float)i + 0.5f), ray->step, ray->centre));
+  const float3 at = fma((float3)((float)i + 0.5f), ray->step, ray->centre);
+#ifdef MOVED
+  const float3 last =
+      (float3)((float)(scan->size_x - 1), (float)(scan->size_y - 1), (float)(scan->size_z - 1));
+  return displaced_hu(voxels, scan, ray->field, ray->nodes, clamp(at, (float3)(0.0f), last));
+#else
+  return trilinear_hu(voxels, scan, at);
+#endif
 }
 
 /* The sum of mu at samples [first, last), which lie within the scan. */
@@ -47,7 +45,7 @@ INLINE void store(const Slices value, float* values) { *values = value; }
 
 /* The ray at the angles whose sine and cosine are `azimuth` and `polar`. */
 INLINE Ray ray_along(const float2 azimuth, const float2 polar, const float scale, const XrcSphere* sphere,
-                     const XrcScan* scan) {
+                     const XrcScan* scan MOVED_POINTERS) {
   const int samples = sphere->map.samples;
   Ray ray;
   ray.centre = (float3)(sphere->centre[0], sphere->centre[1], sphere->centre[2]);
@@ -56,6 +54,10 @@ INLINE Ray ray_along(const float2 azimuth, const float2 polar, const float scale
   ray.inside = min(min(samples_within(ray.centre.x, ray.step.x, scan->size_x, samples),
                        samples_within(ray.centre.y, ray.step.y, scan->size_y, samples)),
                    samples_within(ray.centre.z, ray.step.z, scan->size_z, samples));
+#ifdef MOVED
+  ray.field = field;
+  ray.nodes = nodes;
+#endif
   return ray;
 }
 
@@ -64,10 +66,10 @@ INLINE Ray ray_along(const float2 azimuth, const float2 polar, const float scale
 kernel void cast_sphere(SCAN voxels, const XrcScan scan, const XrcSphere sphere, global const float2* polars,
                         global const float2* azimuths, global const float* scales,
                         constant const XrcShell* shells, constant const XrcOpacity* opacity,
-                        global const float2* table, global float* tau) {
+                        global const float2* table, global float* tau MOVED_PARAMETERS) {
   const int column = (int)get_global_id(0), row = (int)get_global_id(1);
   if (column >= sphere.map.width || row >= sphere.map.height) return;
   const float scale = scales[row * sphere.map.scale_stride + column];
-  const Ray ray = ray_along(azimuths[column], polars[row], scale, &sphere, &scan);
+  const Ray ray = ray_along(azimuths[column], polars[row], scale, &sphere, &scan MOVED_ARGUMENTS);
   cast_shells(voxels, &scan, &ray, &sphere.map, column, row, scale, shells, opacity, table, tau);
 }

@@ -14,6 +14,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/casting/basis_file.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/casting/recast.hpp"
 #include "xraycast/reports/map_preview.hpp"
 #include "xraycast/requests/cast_request.hpp"
@@ -110,13 +111,45 @@ nb::dict map_masses(const HeldBody& body) {
 struct RenderArguments {
   SceneArguments scene;
   std::string look, compositing;
-  const nb::object& fluoroscope;
+  const nb::object &fluoroscope, &motion, &phase, &time;
 };
+
+/// The instant: of a map that moves its phases, and the motion of the vessels in it; of one that stands still
+/// that of the vessels.
+struct MovedVesselsArguments {
+  std::vector<double> phases{};
+  std::shared_ptr<const Motion> moving{};
+  MotionRequest still{};
+};
+
+MovedVesselsArguments moved_vessels_of(const HeldBody& body, const RenderArguments& given) {
+  MovedVesselsArguments moved;
+  const bool has_vessels = !given.scene.vessels.is_none();
+  if (!body.map->keys) {
+    if (given.motion.is_none()) {
+      phases_at_instant(*body.map, given.phase, given.time);
+      return moved;
+    }
+    moved.still = motion_request_of(given.motion, given.phase, given.time);
+    if (!has_vessels)
+      throw InputError("motion: moves vessels; give vessels, or leave it out: a map stays as it was cast");
+    return moved;
+  }
+  moved.phases = phases_at_instant(*body.map, given.phase, given.time);
+  const std::filesystem::path file =
+      given.motion.is_none() ? body.map->keys->motion : std::filesystem::path(path_of(given.motion));
+  if (has_vessels && (!given.motion.is_none() || std::filesystem::exists(file)))
+    moved.moving = std::make_shared<const Motion>(read_motion(file));
+  return moved;
+}
 
 FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const RenderArguments& given,
                      const nb::object& progress) {
-  HeldScene scene = scene_of(given.scene);
-  warn(notes_on_instant(body.map->source, scene.motion));
+  const MovedVesselsArguments moved = moved_vessels_of(body, given);
+  SceneArguments arguments_of_scene = given.scene;
+  arguments_of_scene.motion = moved.still;
+  HeldScene scene = scene_of(arguments_of_scene);
+  if (scene.vessels) check_same_instant(*body.map, "the map", "vessels" + scene.motion.suffix());
   PictureOptions picture;
   choose_look(given.look, picture);
   picture.style.sampling.compositing = parse_compositing(given.compositing);
@@ -132,8 +165,13 @@ FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const
     auto drawn = room_for(poses.poses, false, held.has_value());
     reported.begin("drawing", std::ssize(poses.poses), "frames");
     draw([&](Renderer& renderer) {
-      MapAcquisition frames(renderer, {body.map, scene.vessels, scene.instruments}, picture,
-                            std::get<View>(poses.poses.front()));
+      MapAcquisition frames(renderer,
+                            {.map = body.map,
+                             .vessels = scene.vessels,
+                             .instruments = scene.instruments,
+                             .motion = scene.vessels ? moved.moving : nullptr},
+                            picture, std::get<View>(poses.poses.front()));
+      frames.set_phases(moved.phases);
       for (const Pose& pose : poses.poses) {
         drawn->add(frames.frame(std::get<View>(pose)), frames.acquisition());
         reported.advance();
@@ -186,9 +224,32 @@ void write_file(nb::handle path, const nb::object& progress, const Write& write)
   });
 }
 
+HeldBody body_at(const HeldBody& body, const nb::object& phase, const nb::object& time) {
+  const std::vector<double> phases = phases_at_instant(*body.map, phase, time);
+  return result_of(nb::none(), [&](Progress&) {
+    return HeldBody{std::make_shared<const BodyMap>(map_at(*body.map, phases))};
+  });
+}
+
+/// {mode: its key phases}
+nb::typed<nb::dict, nb::str, nb::typed<nb::list, float>> modes_of(const HeldBody& body) {
+  nb::dict modes;
+  if (body.map->keys) {
+    const KeyPhases& phases = body.map->keys->phases();
+    for (std::size_t m = 0; m < phases.phases().size(); ++m) {
+      nb::list of_mode;
+      for (const double phase : phases.phases()[m]) of_mode.append(phase);
+      modes[text_object(phases.rhythm().modes()[m].name)] = of_mode;
+    }
+  }
+  return nb::borrow<nb::typed<nb::dict, nb::str, nb::typed<nb::list, float>>>(modes);
+}
+
 void write_map(const HeldBody& body, const PathArgument& path, const std::optional<std::string>& precision,
                const ProgressArgument& progress) {
   const MapPrecision stored = precision ? parse_map_precision(*precision) : body.map->precision;
+  if (body.map->keys && stored != MapPrecision::byte)
+    throw InputError("precision {}: a map that moves is stored in bytes; leave it out", *precision);
   write_file(path, progress, [&](const std::string& file) {
     if (stored == body.map->precision) return write_body_map(*body.map, file);
     BodyMap map = *body.map;
@@ -230,6 +291,13 @@ void add_body(nb::module_& module) {
       .def_prop_ro(
           "basis", [](const HeldBody& b) { return b.basis; }, "The Basis, where cast() was given knots_hu.")
       .def_prop_ro(
+          "modes", modes_of,
+          "Of a map that moves: a dict of its modes and their key phases; empty where it stands still.")
+      .def(
+          "at", body_at, nb::kw_only(), nb::arg("phase") = nb::none(), nb::arg("time") = nb::none(),
+          "Of a map that moves, that of an instant, which stands still; its tau is that of phase 0.\n\n"
+          "phase: a dict of modes and their phases, 0 to 1; the others are at 0.  time: instead, in seconds.")
+      .def_prop_ro(
           "notes", [](const HeldBody& b) { return text_objects(b.notes); },
           "What cast() chose, left out or advises.")
       .def(
@@ -241,13 +309,10 @@ void add_body(nb::module_& module) {
              const std::string& compositing, const FluoroscopeArgument& fluoroscope,
              const PathArgument& motion, const PhaseArgument& phase, const TimeArgument& time,
              const ProgressArgument& progress) {
-            const MotionRequest request = motion_request_of(motion, phase, time);
-            if (request.is_given() && vessels.is_none())
-              throw InputError(
-                  "motion: moves vessels; give vessels, or leave it out: a map stays as it was cast");
-            return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
-                          {{vessels, instruments, contrast_mg_ml, request}, look, compositing, fluoroscope},
-                          progress);
+            return render(
+                self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
+                {{vessels, instruments, contrast_mg_ml}, look, compositing, fluoroscope, motion, phase, time},
+                progress);
           },
           nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
           nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
@@ -265,8 +330,10 @@ void add_body(nb::module_& module) {
           "them; dsa: depths are the differences from the picture without the vessels.\n"
           "compositing: how shells add up along a ray: path, by the path length in each, or wall, once per "
           "wall, as in the paper.\n"
-          "motion, phase, time: the vessels are where they are at an instant of the body's motion, as in "
-          "Scan.moved; give a map cast at the same instant. Instruments stay where they are.")
+          "phase, time: the instant of a map that moves, as in at(); default: phase 0.\n"
+          "motion: moves the vessels, and has to be the one by which such a map was cast, which is its "
+          "default; into a map that was cast at an instant, give motion and that instant. Instruments stay "
+          "where they are.")
       .def(
           "preview",
           [](const HeldBody& self, const std::string& preview_window) {
@@ -319,7 +386,8 @@ void def_cast(nb::class_<HeldScan>& scan, const char* name, Make make, const std
              const std::optional<Path>& centre_line, bool keep_table, const std::optional<Path>& iodine,
              const std::optional<Path>& without_vessels, std::optional<std::int64_t> memory_limit_B,
              const std::optional<std::vector<double>>& knots_hu, const PathArgument& motion,
-             const PhaseArgument& phase, const TimeArgument& time, const ProgressArgument& progress) {
+             const PhaseArgument& phase, const TimeArgument& time, const KeysArgument& keys,
+             const ProgressArgument& progress) {
         CastRequest request{.projection = parse_ray_layout(projection),
                             .layers = layers,
                             .angles = angles,
@@ -330,7 +398,8 @@ void def_cast(nb::class_<HeldScan>& scan, const char* name, Make make, const std
                             .opacity = attenuation_of(opacity),
                             .iodine = iodine.value_or(""),
                             .without_vessels = without_vessels.value_or(""),
-                            .motion = motion_request_of(motion, phase, time),
+                            .motion = motion_request_of(motion, phase, time, true),
+                            .keys = keys_of(keys),
                             .memory_limit_B = memory_limit_B,
                             .knots_hu = knots_hu};
         if (outline) request.outline = parse_shell_outline(*outline);
@@ -364,7 +433,9 @@ without_vessels: the folder of `xraycast segment`; the contrast agent is removed
 memory_limit_B: larger scans are cast slab by slab; default: the device's largest buffer.
 knots_hu: CT numbers at which the slope of other opacities may change, at most 64, for a basis; [] are the knots of
 `opacity` and a standard set.
-motion, phase, time: the scan is cast at an instant of its motion, as in Scan.moved.)";
+motion, phase, time: the scan is cast at an instant of its motion, as in Scan.moved. motion alone: a map that moves,
+of key maps at phases of its modes.  keys: a dict of modes and the number of their phases; default 8 of a mode that
+wraps, 4 of any other.)";
   scan.def(name, call, nb::arg("layers") = nb::none(), nb::arg("angles") = nb::none(), nb::kw_only(),
            nb::arg("opacity") = "paper", nb::arg("outline") = nb::none(), nb::arg("projection") = "cylinder",
            nb::arg("views") = nb::none(), nb::arg("radii") = nb::none(), nb::arg("radius_mm") = nb::none(),
@@ -372,7 +443,8 @@ motion, phase, time: the scan is cast at an instant of its motion, as in Scan.mo
            nb::arg("keep_table") = false, nb::arg("iodine") = nb::none(),
            nb::arg("without_vessels") = nb::none(), nb::arg("memory_limit_B") = nb::none(),
            nb::arg("knots_hu") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
-           nb::arg("time") = nb::none(), nb::arg("progress") = nb::none(), doc.c_str());
+           nb::arg("time") = nb::none(), nb::arg("keys") = nb::none(), nb::arg("progress") = nb::none(),
+           doc.c_str());
 }
 
 }  // namespace

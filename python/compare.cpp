@@ -6,6 +6,7 @@
 #include "scan.hpp"
 #include "xraycast/acquisition/compare_request.hpp"
 #include "xraycast/reports/comparison_report.hpp"
+#include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/scene.hpp"
 
 #include <fmt/format.h>
@@ -58,7 +59,8 @@ HeldComparison compare_maps(HeldScan& scan, const std::variant<HeldBody, std::ve
                        .angles_deg = angles ? *angles : angles_around_deg(views),
                        .cranial_deg = cranial,
                        .sampling = {.compositing = parse_compositing(compositing),
-                                    .reconstruction = parse_reconstruction(reconstruction)}},
+                                    .reconstruction = parse_reconstruction(reconstruction)},
+                       .phase = instant_of(scan.source())},
                       {}};
   if (cone_mm) held.request.cone = {cone_mm->first, cone_mm->second};
   check(held.request, scan.geometry(), scan.source());
@@ -132,7 +134,8 @@ void add_compare(nb::module_& module) {
       nb::arg("progress") = nb::none(),
       "Compares frames of body maps with the DRRs of the scan that they were cast from; returns a "
       "Comparison.\n\n"
-      "maps: a BodyMap or a list of these.\n"
+      "maps: a BodyMap or a list of these; those that move are taken at the instant of a scan that was "
+      "moved.\n"
       "views: so many C-arm angles, evenly spaced around the body; or `angles`, in degrees.\n"
       "cranial: the tilt in all views, degrees.  cone_mm: as in Scan.project.\n"
       "compositing: path or wall, as in BodyMap.render.\n"

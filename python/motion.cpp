@@ -4,10 +4,12 @@
 #include "calls/job.hpp"
 #include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/motion/moved_scan.hpp"
 #include "xraycast/phase_registration/motion_registration.hpp"
 #include "xraycast/reports/registration_report.hpp"
 
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <nanobind/stl/string.h>
@@ -131,13 +133,42 @@ nb::list register_scans(const HeldScan& scan, nb::handle phases, nb::handle fold
 
 }  // namespace
 
-MotionRequest motion_request_of(const nb::object& motion, const nb::object& phase, const nb::object& time) {
+MotionRequest motion_request_of(const nb::object& motion, const nb::object& phase, const nb::object& time,
+                                bool takes_all) {
   MotionRequest request;
   if (!motion.is_none()) request.motion = path_of(motion);
   request.phase = phases_of(phase);
   if (!time.is_none()) request.time_s = number_of(time, "time");
-  check(request);
+  if (!takes_all || !request.is_of_all_instants()) check(request);
   return request;
+}
+
+std::map<std::string, int> keys_of(const nb::object& keys) {
+  std::map<std::string, int> counts;
+  if (keys.is_none()) return counts;
+  if (!nb::isinstance<nb::dict>(keys))
+    throw InputError(
+        "keys: must be a dict of modes and numbers of their key phases, such as {{'breath': 4}}");
+  for (const auto& [mode, value] : nb::borrow<nb::dict>(keys)) {
+    if (!nb::isinstance<nb::str>(mode)) throw InputError("keys: its keys must be names of modes");
+    const auto name = nb::cast<std::string>(mode);
+    const double count = number_of(value, "keys " + name);
+    if (count != std::floor(count) || !(std::abs(count) < 1e6))
+      throw InputError("keys {}: must be a whole number", excerpt(name));
+    counts[name] = static_cast<int>(count);
+  }
+  return counts;
+}
+
+std::vector<double> phases_at_instant(const BodyMap& map, const nb::object& phase, const nb::object& time) {
+  const MotionRequest request{"map", phases_of(phase),
+                              time.is_none() ? std::nullopt : std::optional(number_of(time, "time"))};
+  if (!request.is_of_all_instants()) check(request);
+  if (map.keys) return phases_of(map.keys->phases().rhythm(), request);
+  if (!phase.is_none() || !time.is_none())
+    throw InputError(
+        "phase and time: the map stands still; cast one that moves, with motion and neither of them");
+  return {};
 }
 
 HeldScan moved_scan(const HeldScan& scan, const MotionRequest& request, Progress& progress) {

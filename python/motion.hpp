@@ -3,16 +3,29 @@
 #include "calls/job.hpp"
 #include "calls/values.hpp"
 #include "scan.hpp"
+#include "xraycast/casting/body_map.hpp"
 #include "xraycast/motion/motion_request.hpp"
 
+#include <map>
 #include <nanobind/nanobind.h>
+#include <string>
+#include <vector>
 
 namespace xraycast::python {
 
 namespace nb = nanobind;
 
-/// As `motion`, `phase` and `time` were given; each may be None. Throws InputError as check().
-MotionRequest motion_request_of(const nb::object& motion, const nb::object& phase, const nb::object& time);
+/// As `motion`, `phase` and `time` were given; each may be None. Throws InputError as check(), unless
+/// `takes_all`: a motion alone then means all its instants.
+MotionRequest motion_request_of(const nb::object& motion, const nb::object& phase, const nb::object& time,
+                                bool takes_all = false);
+
+/// As `keys` were given, or None.
+std::map<std::string, int> keys_of(const nb::object& keys);
+
+/// The phases of a map that moves, as `phase` and `time` were given; each may be None, both mean phase 0.
+/// Throws InputError where the map stands still and an instant is given.
+std::vector<double> phases_at_instant(const BodyMap& map, const nb::object& phase, const nb::object& time);
 
 /// The scan at that instant, with its own and the motion's warnings.
 HeldScan moved_scan(const HeldScan& scan, const MotionRequest& request, Progress& progress);

@@ -1,6 +1,7 @@
 #include "options/motion_options.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 
 #include <fmt/format.h>
 
@@ -23,6 +24,20 @@ void add_motion_options(CLI::App& command, MotionOptions& options, const std::st
       ->type_name("S");
 }
 
+void add_instant_options(CLI::App& command, MotionOptions& options) {
+  CLI::Option* phase =
+      command
+          .add_option(
+              "--phase", options.phases,
+              "Of a map that moves, or of --motion: the phase, 0 to 1, at which a mode is held; the others "
+              "are at 0. Repeat it for several modes")
+          ->allow_extra_args(false)
+          ->type_name("NAME=0..1");
+  command.add_option("--time", options.time_s, "Instead: the phases of all modes at a time in seconds")
+      ->excludes(phase)
+      ->type_name("S");
+}
+
 std::map<std::string, double> parse_phases(const std::vector<std::string>& texts) {
   std::map<std::string, double> phases;
   for (const std::string& text : texts) {
@@ -33,10 +48,36 @@ std::map<std::string, double> parse_phases(const std::vector<std::string>& texts
   return phases;
 }
 
+std::map<std::string, int> parse_keys(const std::vector<std::string>& texts) {
+  std::map<std::string, int> keys;
+  for (const std::string& text : texts) {
+    const auto equals = text.rfind('=');
+    int count = 0;
+    if (equals == std::string::npos || equals == 0 ||
+        !parse_whole(std::string_view(text).substr(equals + 1), count))
+      throw InputError("--keys {}: must be a mode and the number of its key phases, such as breath=4",
+                       excerpt(text));
+    if (!keys.emplace(text.substr(0, equals), count).second)
+      throw InputError("--keys {}: {} is given twice; leave one of them out", text, text.substr(0, equals));
+  }
+  return keys;
+}
+
+MotionRequest motion_request_of(const MotionOptions& options) {
+  return {options.motion, parse_phases(options.phases), options.time_s};
+}
+
 MotionRequest parse_motion(const MotionOptions& options) {
-  MotionRequest request{options.motion, parse_phases(options.phases), options.time_s};
+  MotionRequest request = motion_request_of(options);
   check(request);
   return request;
+}
+
+Json to_json(const KeyPhases& phases) {
+  Json modes = Json::array();
+  for (std::size_t m = 0; m < phases.phases().size(); ++m)
+    modes.push_back({{"name", phases.rhythm().modes()[m].name}, {"phases", phases.phases()[m]}});
+  return modes;
 }
 
 Json to_json(const MotionOfRequest& motion) {

@@ -1,8 +1,11 @@
 #pragma once
 
 #include "options/command.hpp"
+#include "xraycast/motion/key_phases.hpp"
 #include "xraycast/motion/motion_request.hpp"
 
+#include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,11 +22,21 @@ struct MotionOptions {
 void add_motion_options(CLI::App& command, MotionOptions& options,
                         const std::string& taken = "the moved scan is taken");
 
+/// --phase and --time of a map that moves.
+void add_instant_options(CLI::App& command, MotionOptions& options);
+
 /// `NAME=0..1` of modes, each once. Throws InputError naming --phase.
 std::map<std::string, double> parse_phases(const std::vector<std::string>& texts);
 
-/// Throws InputError as check().
+/// As given; `parse_motion` throws InputError as check() too.
+MotionRequest motion_request_of(const MotionOptions& options);
 MotionRequest parse_motion(const MotionOptions& options);
+
+/// `NAME=N` of modes, each once: the numbers of their key phases. Throws InputError naming --keys.
+std::map<std::string, int> parse_keys(const std::vector<std::string>& texts);
+
+/// The modes of a map that moves, and their key phases: [{"name", "phases"}].
+Json to_json(const KeyPhases& phases);
 
 /// {"breath": 0.3, "heart": 0}, the phases of the motion's modes.
 Json to_json(const MotionOfRequest& motion);

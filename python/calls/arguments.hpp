@@ -41,6 +41,9 @@ class EntryArgument : public nb::object {  ///< see run_of
 class PhaseArgument : public nb::object {  ///< see motion_request_of
   NB_OBJECT(PhaseArgument, nb::object, "dict[str, float]", always)
 };
+class KeysArgument : public nb::object {  ///< see keys_of
+  NB_OBJECT(KeysArgument, nb::object, "dict[str, int]", always)
+};
 class TimeArgument : public nb::object {  ///< see motion_request_of
   NB_OBJECT(TimeArgument, nb::object, "float", always)
 };

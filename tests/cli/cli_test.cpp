@@ -98,6 +98,44 @@ TEST_F(Cli, CastSaysWhatItMade) {
   EXPECT_THAT(map.source, HasSubstr("ct.nrrd"));
 }
 
+TEST_F(Cli, AMapMovesFromCastToCine) {
+  output_of("phantom thorax --size 64x64x64 -o @/ct.nrrd --motion @/motion --motion-spacing 10");
+  const Json said = json_of(
+      "cast @/ct.nrrd -o @/moving.exr --layers 6 --motion @/motion/motion.json --keys breath=3 --keys "
+      "heart=4 "
+      "--keep-basis @/b.basis");
+  EXPECT_EQ(said["keys"]["maps"], 12);
+  EXPECT_EQ(said["map"]["precision"], "byte");
+  EXPECT_LT(said["keys"]["bytes"], 12 * 6 * 360 * 64);  // the heart's keys are of fewer rows
+  const Json described = json_of("info @/moving.exr");
+  EXPECT_EQ(described["keys"]["modes"], said["keys"]["modes"]);
+  EXPECT_EQ(described["keys"]["motion"], (folder_ / "motion/motion.json").string());
+  EXPECT_EQ(json_of("recast @/b.basis -o @/recast.exr --opacity bilinear")["keys"], said["keys"]);
+
+  // As close to the scan at an instant as a map that was cast from it, which a still map is not.
+  const std::string instant = " --motion @/motion/motion.json --phase breath=0.8 --phase heart=0.3";
+  output_of("cast @/ct.nrrd -o @/then.exr --layers 6" + instant);
+  const auto psnr_db = [&](const std::string& maps) {
+    return json_of("compare @/ct.nrrd " + maps + " --views 2" + instant);
+  };
+  const Json both = psnr_db("@/moving.exr @/then.exr")["maps"];
+  EXPECT_NEAR(both[0]["mean"]["psnr_db"], both[1]["mean"]["psnr_db"], 1);
+  EXPECT_EQ(json_of("compare @/ct.nrrd @/moving.exr --views 2 --phase breath=0.8 --phase heart=0.3")["mean"],
+            both[0]["mean"]);
+  output_of("cast @/ct.nrrd -o @/still.exr --layers 6");
+  EXPECT_THAT(run("compare @/ct.nrrd @/then.exr").err,
+              HasSubstr("then.exr shows the body at breath 0.8, heart 0.3, but"));
+  EXPECT_THAT(run("compare @/ct.nrrd @/still.exr" + instant).err,
+              HasSubstr("still.exr shows the body at rest"));
+
+  EXPECT_THAT(run("render @/moving.exr -o @/f.exr --size 60x60").err, HasSubstr("this is phase 0"));
+  const Json frame = json_of("render @/moving.exr -o @/g.exr --size 60x60 --time 2");
+  EXPECT_EQ(keys_of(frame["phases"]), (std::vector<std::string>{"breath", "heart"}));
+  EXPECT_NE(read_bytes(folder_ / "f.exr"), read_bytes(folder_ / "g.exr"));
+  EXPECT_EQ(json_of("render @/moving.exr -o @/breath.gif --size 60x60 --seconds 0.5")["frames"], 10);
+  EXPECT_THAT(run("render @/still.exr -o @/h.png --phase breath=1").err, HasSubstr("the map stands still"));
+}
+
 TEST_F(Cli, CastFollowsTheBody) {
   output_of("phantom thorax --size 80x80x40 --spacing 5 -o @/ct.nrrd");
   const Json said = json_of("cast @/ct.nrrd -o @/map.exr --layers 4 --keep-basis @/b.basis");

@@ -9,6 +9,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/fluoroscope/c_arm.hpp"
 #include "xraycast/geometry/curved_axis.hpp"
 #include "xraycast/geometry/mesh.hpp"
@@ -214,6 +215,50 @@ void write_map(const fs::path& path) {
   write_body_map(map, path);
 }
 
+KeyPhases key_phases_of_readers() {
+  const auto moves = affine_displacement(glm::dmat3(1), {0, 0, 12});
+  return {
+      Motion({{"breath", 4, {}, {{0, nullptr}, {1, moves}}}, {"heart", 1, {}, {{0, nullptr}, {0.4, moves}}}},
+             "motion.json"),
+      {{0, 1}, {0, 0.4}}};
+}
+
+/// The rows of a key: the heart moves none, and the last key the upper ones.
+KeyRows key_rows(int key, int height) {
+  return {key_phases_of_readers().base_of(key), 0,
+          key % 2 == 0 ? height
+          : key == 1   ? 0
+                       : std::min(16, height)};
+}
+
+void write_key_maps(const fs::path& path) {
+  const MapGeometry geometry = map_geometry_with_outline();
+  std::vector<KeyValues> values;
+  for (int key = 0; key < 4; ++key) {
+    KeyValues& one = values.emplace_back(KeyValues{key_rows(key, geometry.height), {}});
+    one.channels.emplace_back(static_cast<std::size_t>(geometry.layers()) * geometry.width * one.rows.count,
+                              0.25f * static_cast<float>(key + 1));
+  }
+  BodyMap map;
+  map.geometry = geometry;
+  auto keys = std::make_shared<KeyMaps>(key_phases_of_readers(), geometry, values);
+  keys->motion = path.parent_path() / "motion.json";
+  write_body_map(moving_map(std::move(map), std::move(keys)), path);
+}
+
+void write_key_basis(const fs::path& path) {
+  write_small_basis<map_geometry_with_outline>(path);
+  Basis basis = read_basis(path);
+  auto keys = std::make_shared<BasisKeys>(BasisKeys{key_phases_of_readers(), {}, {}});
+  for (int key = 1; key < 4; ++key) {
+    const KeyRows rows = key_rows(key, basis.geometry.height);
+    keys->others.push_back({rows, {}, {}});
+    if (rows.count > 0) keys->others.back() = {rows, basis.touched, basis.weights};
+  }
+  basis.keys = std::move(keys);
+  write_basis(basis, path);
+}
+
 void write_spectrum_map(const fs::path& path) {
   BodyMap map;
   map.geometry = map_geometry();
@@ -388,6 +433,16 @@ Content read_messages(const fs::path& path) {
   return {};
 }
 
+/// Blends what was read too.
+Content read_as_key_maps(const fs::path& path) {
+  const BodyMap map = read_body_map(path);
+  if (!map.keys) return {};
+  for (const double time_s : {0.0, 0.7, 5.5})
+    for (const float value : map_at(map, map.keys->phases().rhythm().phases_at(time_s)).tau)
+      if (!std::isfinite(value)) throw std::logic_error("a blended value that is no number");
+  return {};
+}
+
 /// Looks at places around the fields too: none may be anything but a number.
 Content read_as_motion(const fs::path& path) {
   const Motion motion = read_motion(path);
@@ -492,6 +547,8 @@ const Reader kReaders[] = {
     {"basis", "a.basis", write_small_basis<map_geometry>, read_as_basis, 0, set_basis_checksums},
     {"basis_outline", "a.basis", write_small_basis<map_geometry_with_outline>, read_as_basis, 0,
      set_basis_checksums},
+    {"key_maps", "map.exr", write_key_maps, read_as_key_maps},
+    {"key_basis", "a.basis", write_key_basis, read_as_basis, 0, set_basis_checksums},
     {"tree_vtp", "tree.vtp", write_vessel_tree, without_content<read_tree>},
     {"tree_json", "tree.json", write_vessel_tree, without_content<read_tree>},
     {"surface_vtp", "surface.vtp", write_surface, without_content<read_mesh>},

@@ -200,10 +200,10 @@ std::string basis_with(const std::string& from, const std::string& to) {
 const BadBasis kBadBases[] = {
     {"Foreign", "\x76\x2f\x31\x01 an OpenEXR file, perhaps", "not a basis; make one with `xraycast cast"},
     {"TextModeTransfer", "\x89XRB\n\x1a\n" + basis_with("", "").substr(8), "not a basis"},
-    {"LaterVersion", std::string(kBasisMagic, 8) + bytes_of(std::uint32_t{3}),
-     "version 3, but this program reads versions 1 and 2; use a newer xraycast"},
+    {"LaterVersion", std::string(kBasisMagic, 8) + bytes_of(std::uint32_t{4}),
+     "version 4, but this program reads versions 1 to 3; use a newer xraycast"},
     {"EarlierVersion", std::string(kBasisMagic, 8) + bytes_of(std::uint32_t{0}),
-     "version 0, but this program reads versions 1 and 2; cast the scan again with --keep-basis"},
+     "version 0, but this program reads versions 1 to 3; cast the scan again with --keep-basis"},
     {"HugeChunk", kStart + "HEAD" + bytes_of(~std::uint64_t{0}) + header(),
      "chunk 1 (HEAD) is damaged: it claims"},
     {"NotJson", kStart + chunk("HEAD", "{]"), "not a JSON object"},

@@ -1,4 +1,4 @@
-#include "xraycast/casting/body_fit.hpp"
+#include "xraycast/requests/body_fit.hpp"
 
 #include "xraycast/base/error.hpp"
 

@@ -211,7 +211,7 @@ TEST(BodyMapFile, ForeignImagesAreToldApart) {
               testing::EndsWith(": no such file; check its name"));
   header.insert("xraycast:version", Imf::IntAttribute(9));
   write_layers(folder / "later.exr", {header});
-  EXPECT_THAT(refusal_of(folder / "later.exr"), testing::EndsWith("versions 1 to 4; use a newer xraycast"));
+  EXPECT_THAT(refusal_of(folder / "later.exr"), testing::EndsWith("versions 1 to 5; use a newer xraycast"));
 }
 
 TEST(BodyMapFile, AFrameOfReferenceThatIsNoUidIsRefused) {

@@ -1,4 +1,4 @@
-#include "xraycast/casting/comparison.hpp"
+#include "xraycast/requests/comparison.hpp"
 
 #include <gtest/gtest.h>
 

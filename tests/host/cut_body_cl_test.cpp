@@ -6,8 +6,8 @@
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projector.hpp"
 #include "xraycast/casting/recast.hpp"
-#include "xraycast/casting/slab_caster.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
+#include "xraycast/requests/slab_caster.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>

@@ -1,6 +1,6 @@
 #include "xraycast/casting/outline_crossings.hpp"
 
-#include "xraycast/casting/rays_within.hpp"
+#include "xraycast/requests/rays_within.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>

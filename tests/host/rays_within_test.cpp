@@ -1,4 +1,4 @@
-#include "xraycast/casting/rays_within.hpp"
+#include "xraycast/requests/rays_within.hpp"
 
 #include "xraycast/base/error.hpp"
 

@@ -1,6 +1,6 @@
 #include "support/reference.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/casting/slab_caster.hpp"
+#include "xraycast/requests/slab_caster.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -10,7 +10,7 @@ CASES = {
     "unknown name": (lambda box: box.cast_basis(5, pose=1),
                      "cast_basis: there is no argument pose; it takes layers, angles, opacity, outline, projection, views, radii, "
                      "radius_mm, centre_mm, centre_line, keep_table, iodine, without_vessels, memory_limit_B, knots_hu, "
-                     "motion, phase, time, progress"),
+                     "motion, phase, time, keys, progress"),
     "unknown name of nothing": (lambda box: xc.devices(a=1), "devices: there is no argument a; it takes none"),
     "name of two lines": (lambda box: xc.use_device(**{"a\nb": 1}), "use_device: there is no argument a b; it takes name"),
     "no name of Python's": (lambda box: xc.use_device(**{"a, b": 1}),

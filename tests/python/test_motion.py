@@ -55,6 +55,29 @@ def test_project_and_cast_take_the_moved_scan(motion, scan):
     assert np.array_equal(scan.cast(layers=2, motion=motion, phase={"breath": 1}).tau, moved.cast(layers=2).tau)
 
 
+def test_a_map_moves(motion, scan, tmp_path):
+    body = scan.cast(layers=2, motion=motion, keys={"breath": 3}, knots_hu=[])
+    assert body.modes == {"breath": [0, 0.5, 1]} and scan.cast(layers=2).modes == {}
+    body.write(tmp_path / "map.exr")
+    read = xc.BodyMap.read(tmp_path / "map.exr")
+    assert np.array_equal(read.at(time=1).tau, body.at(phase={"breath": 0.5}).tau)
+    assert np.array_equal(read.tau, read.at().tau) and not np.array_equal(read.tau, read.at(time=1).tau)
+    assert read.at(time=1).modes == {}
+    view = {"size": (32, 32), "pixel_mm": 4}
+    assert not np.array_equal(body.render(**view).tau, body.render(**view, phase={"breath": 1}).tau)
+    assert np.array_equal(body.render(**view, time=2).tau, body.render(**view, phase={"breath": 1}).tau)
+    assert body.basis.recast("paper").modes == body.modes
+    close = xc.compare(scan.moved(motion, phase={"breath": 1}), body, views=2).mean["psnr_db"]
+    assert close > xc.compare(scan, body.at(), views=2).mean["psnr_db"] - 1
+    for call, message in [(lambda: scan.cast(layers=2).render(time=1), "the map stands still"),
+                          (lambda: body.at(phase={"heart": 1}), "choose one of breath"),
+                          (lambda: body.write(tmp_path / "m.exr", precision="float"), "stored in bytes"),
+                          (lambda: scan.cast(motion=motion, keys={"breath": 1.5}), "must be a whole number"),
+                          (lambda: scan.cast(motion=motion, keys=3), "must be a dict of modes")]:
+        with pytest.raises(xc.InputError, match=message):
+            call()
+
+
 def test_convert_writes_the_moved_scan(motion, scan, tmp_path):
     scan.write(tmp_path / "scan.nrrd")
     xc.convert(tmp_path / "scan.nrrd", tmp_path / "moved.nrrd", motion=motion, phase={"breath": 0.5})

@@ -3,11 +3,11 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projector.hpp"
-#include "xraycast/casting/rays_within.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/requests/rays_within.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/moving_surface.hpp"
 

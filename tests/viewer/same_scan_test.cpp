@@ -26,20 +26,6 @@ TEST(SameScan, TakesEveryMapOfAScan) {
   EXPECT_NO_THROW(check_with(rectangle_map(kChest, 8, 150, {0, 0}), kChest));
 }
 
-TEST(SameScan, TellsOfAMapOfAnotherInstant) {
-  MotionOfRequest inhaled, rest;
-  inhaled.phases = {{"breath", 1}, {"heart", 0.4}};
-  rest.phases = {{"breath", 0}, {"heart", 0}};
-  EXPECT_TRUE(notes_on_instant("chest, breath 1, heart 0.4", inhaled).empty());
-  EXPECT_TRUE(notes_on_instant("chest", rest).empty());
-  EXPECT_TRUE(notes_on_instant("chest", {}).empty());
-  const auto notes = notes_on_instant("chest, breath 1, heart 0", inhaled);
-  ASSERT_EQ(notes.size(), 1U);
-  EXPECT_EQ(notes[0],
-            "the map is of chest, breath 1, heart 0, the vessels are those of breath 1, heart 0.4; cast the "
-            "map at the same instant");
-}
-
 TEST(SameScan, RefusesAMapOfAnotherScan) {
   VolumeGeometry elsewhere = kChest, shorter = kChest, wider = kChest;
   elsewhere.origin_mm.z += 1000;
@@ -61,6 +47,24 @@ TEST(SameScan, RefusesABasisOfTheSameExtentInOtherSlices) {
 TEST(SameScan, TakesABasisOfOtherLayersOfOneScan) {
   EXPECT_NO_THROW(check_with(chest_map(4), chest_map(4)));
   EXPECT_NO_THROW(check_with(chest_map(4), chest_map(8)));
+}
+
+TEST(SameScan, ReadsTheInstantBehindASource) {
+  using Phases = std::map<std::string, double>;
+  EXPECT_EQ(instant_of("NRRD a, b 1/scan.nrrd, breath 0.25, heart 0"), (Phases{{"breath", 0.25}}));
+  EXPECT_EQ(instant_of("NRRD scan.nrrd"), Phases());
+  EXPECT_EQ(instant_of("NRRD scan, 2.nrrd, breath 3"), Phases());
+  EXPECT_EQ(instant_of(", breath 1"), (Phases{{"breath", 1}}));
+}
+
+TEST(SameScan, RefusesAStillMapOfAnotherInstant) {
+  BodyMap map{chest_map(4), Opacity::paper(), "scan.nrrd, breath 0.5, heart 0", {}};
+  EXPECT_NO_THROW(check_same_instant(map, "map", "scan.nrrd, breath 0.5"));
+  EXPECT_THROW(check_same_instant(map, "map", "scan.nrrd"), InputError);
+  EXPECT_THROW(check_same_instant(map, "map", "scan.nrrd, breath 0.7"), InputError);
+  map.source = "scan.nrrd";
+  EXPECT_NO_THROW(check_same_instant(map, "map", "vessels, breath 0"));
+  EXPECT_THROW(check_same_instant(map, "map", "scan.nrrd, breath 0.7"), InputError);
 }
 
 TEST(SameScan, TakesOneGeometryWhereAFileDoesNotTellTheField) {

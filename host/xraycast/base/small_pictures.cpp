@@ -31,7 +31,11 @@ namespace {
 Imf::PixelType pixel_type(bool is_half) { return is_half ? Imf::HALF : Imf::FLOAT; }
 
 Imf::Header header_of(const ExrPart& part) {
-  Imf::Header header(part.width, part.height);
+  const auto window = [&](int first, int rows) {
+    return Imath::Box2i({0, first}, {part.width - 1, first + rows - 1});
+  };
+  Imf::Header header(window(0, part.all_rows > 0 ? part.all_rows : part.height),
+                     window(part.first_row, part.height));
   if (!part.name.empty()) header.setName(part.name);
   header.setType(Imf::SCANLINEIMAGE);
   header.compression() = part.is_packed_by_row ? Imf::ZIPS_COMPRESSION : Imf::ZIP_COMPRESSION;

@@ -23,8 +23,9 @@ RgbPicture read_png_file(const std::filesystem::path& path);
 struct ExrPart {
   std::string name{};  ///< different in each part; may be empty in a file of one part
   int width = 0, height = 0;
-  bool is_half = false;           ///< stored as 16-bit floats, to which values are rounded
-  bool is_packed_by_row = false;  ///< else 16 rows at a time
+  int first_row = 0, all_rows = 0;  ///< of a picture of which only these rows are stored; 0: all
+  bool is_half = false;             ///< stored as 16-bit floats, to which values are rounded
+  bool is_packed_by_row = false;    ///< else 16 rows at a time
   std::map<std::string, std::span<const float>> channels{};  ///< each W x H, row 0 on top
   std::map<std::string, std::variant<int, std::string>> attributes{};
 };

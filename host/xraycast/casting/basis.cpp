@@ -7,6 +7,7 @@
 #include <bit>
 #include <iterator>
 #include <limits>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -51,6 +52,15 @@ std::vector<std::int64_t> count_hu(const ResidentScan& scan) {
   return histogram;
 }
 
+/// The tiles [first, end) of rows; all where there are none.
+std::pair<std::int64_t, std::int64_t> tiles_of(const MapGeometry& geometry, const MovedRows* rows) {
+  const std::int64_t of_brick = std::int64_t{geometry.layers()} * geometry.width;
+  if (!rows) return {0, tile_count(geometry)};
+  const std::int64_t slice = geometry.height - rows->first - rows->count;
+  return {slice / Basis::kTileSlices * of_brick,
+          (slice + rows->count + Basis::kTileSlices - 1) / Basis::kTileSlices * of_brick};
+}
+
 }  // namespace
 
 double Basis::unit_mm(int layer) const {
@@ -85,7 +95,7 @@ std::vector<double> useful_knots_hu(const Opacity& opacity) {
 }
 
 Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vector<double> knots_hu,
-                 Progress& progress) {
+                 Progress& progress, const MovedRows* moved) {
   validate_knots(knots_hu, "basis");
   if (geometry.ray_layout != RayLayout::cylinder)
     throw InputError("only cylinder maps have a basis, not a {}", to_string(geometry.ray_layout));
@@ -109,9 +119,13 @@ Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vec
   const std::vector<DeviceKnot> knot_list = device_knots(basis.knots_hu);
   const cl::Buffer knots = device.upload(std::span<const DeviceKnot>(knot_list));
   const cl::Buffer below = device.upload(std::span<const std::uint8_t>(knots_below(knot_list)));
-  cl::Kernel kernel = device.kernel("basis", "weigh_tiles", rays.build_options());
-  for (std::int64_t first = 0; first < tiles; first += step) {
-    const std::int64_t count = std::min(step, tiles - first);
+  cl::Kernel kernel = device.kernel("basis", "weigh_tiles",
+                                    rays.build_options() + (moved ? moved->field.build_options() : ""));
+  constexpr unsigned kFirstOfMoved = 14;  // of the kernel's arguments
+  if (moved) moved->field.set_args(kernel, kFirstOfMoved);
+  const auto [begin, end] = tiles_of(geometry, moved);
+  for (std::int64_t first = begin; first < end; first += step) {
+    const std::int64_t count = std::min(step, end - first);
     set_args(kernel, scan.voxels(), scan.layout(), rays.cylinder(), rays.centres(), rays.azimuths(),
              rays.scales(), rays.shells(), knots, below, static_cast<cl_int>(basis.knots_hu.size()),
              static_cast<cl_long>(first), static_cast<cl_int>(count), touched, weights);

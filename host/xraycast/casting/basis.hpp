@@ -2,15 +2,31 @@
 
 #include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/base/progress.hpp"
+#include "xraycast/casting/device_field.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/casting/map_geometry.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 namespace xraycast {
+
+/// What the key maps of a moving body are made of, except for the first one.
+struct BasisKeys {
+  KeyPhases phases;
+  std::filesystem::path motion;  ///< as of KeyMaps
+
+  struct Key {
+    KeyRows rows;
+    std::vector<std::uint64_t> touched;  ///< of all tiles; of those beyond the own rows nothing
+    std::vector<std::uint16_t> weights;
+  };
+  std::vector<Key> others;
+};
 
 /// The part of a scan from which a body map can be made again with any opacity on given knots: tau is linear
 /// in the opacity's values at its knots, so for every texel and layer the length of every sample is stored,
@@ -40,6 +56,10 @@ struct Basis {
   std::vector<std::uint16_t> weights;    ///< the rows, tile by tile, in the order of the knots
   std::string frame_of_reference_uid{};  ///< as a BodyMap's
 
+  /// Of a body that moves: what the key maps after the first one are made of. What is above is the first
+  /// one's.
+  std::shared_ptr<const BasisKeys> keys{};
+
   double unit_mm(int layer) const;
 };
 
@@ -55,8 +75,10 @@ void validate_knots(std::span<const double> knots_hu, const std::string& name);
 std::vector<double> useful_knots_hu(const Opacity& opacity);
 
 /// Sums the weights of the samples that cast() takes: recasting equals casting again except for rounding.
-/// Stage "weighing" of `progress`. `source` is left to the caller. Errors as for cast() and validate_knots().
+/// Stage "weighing" of `progress`. `source` is left to the caller. With `moved` the rays pass through the
+/// scan while it is displaced, and only the tiles of these rows have weights. Errors as for cast() and
+/// validate_knots().
 Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vector<double> knots_hu,
-                 Progress& progress);
+                 Progress& progress, const MovedRows* moved = nullptr);
 
 }  // namespace xraycast

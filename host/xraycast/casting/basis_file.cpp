@@ -6,6 +6,7 @@
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/casting/key_maps_file.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -48,7 +49,7 @@ std::span<const char> as_chars(std::span<const T> values) {
 
 // ---- header ---------------------------------------------------------------------------------------------
 
-std::string header_of(const Basis& basis) {
+std::string header_of(const Basis& basis, const std::filesystem::path& path) {
   const MapGeometry& geometry = basis.geometry;
   json centres = json::array();
   for (const glm::dvec2& centre : geometry.centre_mm) centres.push_back({centre.x, centre.y});
@@ -66,6 +67,13 @@ std::string header_of(const Basis& basis) {
   if (!basis.frame_of_reference_uid.empty()) header["frame_of_reference_uid"] = basis.frame_of_reference_uid;
   if (geometry.has_outline()) header["outline_radii"] = geometry.outline_mm.size();
   if (geometry.field) header["field_mm"] = geometry.field->corners_mm();
+  if (basis.keys) {
+    std::vector<KeyRows> rows{{-1, 0, geometry.height}};
+    for (const BasisKeys::Key& key : basis.keys->others) rows.push_back(key.rows);
+    header["keys"] = basis.keys->phases.to_json();
+    header["key_rows"] = key_rows_text(rows);
+    header["motion"] = relative_motion(basis.keys->motion, path);
+  }
   // A file's name need not be UTF-8.
   return header.dump(-1, ' ', false, json::error_handler_t::replace);
 }
@@ -190,16 +198,16 @@ class Reader {
     char magic[8] = {};
     if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version_, 4))
       throw InputError("{}: not a basis; make one with `xraycast cast --keep-basis`", name_);
-    if (version_ != kBasisVersion && version_ != kBasisOutlineVersion)
-      throw InputError("{}: basis version {}, but this program reads versions {} and {}; {}", name_, version_,
-                       kBasisVersion, kBasisOutlineVersion,
-                       version_ > std::max(kBasisVersion, kBasisOutlineVersion)
-                           ? "use a newer xraycast"
-                           : "cast the scan again with --keep-basis");
+    if (version_ < kBasisVersion || version_ > kBasisMotionVersion)
+      throw InputError(
+          "{}: basis version {}, but this program reads versions {} to {}; {}", name_, version_,
+          kBasisVersion, kBasisMotionVersion,
+          version_ > kBasisMotionVersion ? "use a newer xraycast" : "cast the scan again with --keep-basis");
   }
 
   const std::string& name() const { return name_; }
   bool has_outline() const { return version_ == kBasisOutlineVersion; }
+  bool has_keys() const { return version_ == kBasisMotionVersion; }
 
   /// A chunk of the size that it states.
   std::vector<char> read(const char* tag) {
@@ -271,23 +279,48 @@ class Reader {
   int chunk_ = 0;
 };
 
+/// The rows of a basis' tiles.
+std::vector<std::uint16_t> read_rows(Reader& reader, std::span<const std::uint64_t> touched,
+                                     std::size_t knots) {
+  std::int64_t rows = 0;
+  for (const std::uint64_t mask : touched) {
+    if (mask >> (knots - 1) > 1)
+      throw InputError("{}: TILE names knot {}, but there are {}", reader.name(), std::bit_width(mask) - 1,
+                       knots);
+    rows += std::popcount(mask);
+  }
+  return reader.read<std::uint16_t>("ROWS", rows * Basis::kTileSlices);
+}
+
+std::shared_ptr<const BasisKeys> read_basis_keys(Reader& reader, const HeaderReader& header,
+                                                 const Basis& basis, const std::filesystem::path& path) {
+  KeyPhases phases =
+      KeyPhases::from_json(header.get<std::string>("keys"), reader.name() + ": header field keys");
+  const std::vector<KeyRows> rows =
+      parse_key_rows(header.get<std::string>("key_rows"), phases.count(), basis.geometry.height,
+                     reader.name() + ": header field key_rows");
+  auto keys = std::make_shared<BasisKeys>(
+      BasisKeys{std::move(phases), absolute_motion(header.get<std::string>("motion"), path), {}});
+  for (std::size_t k = 1; k < rows.size(); ++k) {
+    BasisKeys::Key& key = keys->others.emplace_back(BasisKeys::Key{rows[k], {}, {}});
+    if (rows[k].count == 0) continue;
+    key.touched = reader.read<std::uint64_t>("TILE", tile_count(basis.geometry));
+    key.weights = read_rows(reader, key.touched, basis.knots_hu.size());
+  }
+  return keys;
+}
+
 Basis read_whole_basis(const std::filesystem::path& path) {
   Reader reader(path);
   const HeaderReader header(reader.read("HEAD"), reader.name());
   Basis basis = basis_of(header, reader.name());
-  if (reader.has_outline()) {
+  if (reader.has_outline() || (reader.has_keys() && header.has("outline_radii"))) {
     basis.geometry.outline_mm = reader.read<float>("OUTL", header.count("outline_radii"));
     validate(basis.geometry, reader.name());
   }
   basis.touched = reader.read<std::uint64_t>("TILE", tile_count(basis.geometry));
-  std::int64_t rows = 0;
-  for (const std::uint64_t mask : basis.touched) {
-    if (mask >> (basis.knots_hu.size() - 1) > 1)
-      throw InputError("{}: TILE names knot {}, but there are {}", reader.name(), std::bit_width(mask) - 1,
-                       basis.knots_hu.size());
-    rows += std::popcount(mask);
-  }
-  basis.weights = reader.read<std::uint16_t>("ROWS", rows * Basis::kTileSlices);
+  basis.weights = read_rows(reader, basis.touched, basis.knots_hu.size());
+  if (reader.has_keys()) basis.keys = read_basis_keys(reader, header, basis, path);
   reader.finish();
   return basis;
 }
@@ -296,15 +329,24 @@ Basis read_whole_basis(const std::filesystem::path& path) {
 
 void write_basis(const Basis& basis, const std::filesystem::path& path) {
   const bool has_outline = basis.geometry.has_outline();
-  const std::string header = header_of(basis);
-  const auto outline = as_chars(std::span(basis.geometry.outline_mm)),
-             tiles = as_chars(std::span(basis.touched)), rows = as_chars(std::span(basis.weights));
-  Writer writer(path, has_outline ? kBasisOutlineVersion : kBasisVersion,
-                static_cast<std::int64_t>(header.size() + outline.size() + tiles.size() + rows.size()));
+  const std::string header = header_of(basis, path);
+  const auto outline = as_chars(std::span(basis.geometry.outline_mm));
+  std::vector<std::span<const char>> maps{as_chars(std::span(basis.touched)),
+                                          as_chars(std::span(basis.weights))};
+  for (std::size_t k = 0; basis.keys && k < basis.keys->others.size(); ++k) {
+    maps.push_back(as_chars(std::span(basis.keys->others[k].touched)));
+    maps.push_back(as_chars(std::span(basis.keys->others[k].weights)));
+  }
+  std::size_t content_B = header.size() + outline.size();
+  for (const auto& content : maps) content_B += content.size();
+  Writer writer(path,
+                basis.keys    ? kBasisMotionVersion
+                : has_outline ? kBasisOutlineVersion
+                              : kBasisVersion,
+                static_cast<std::int64_t>(content_B));
   writer.write("HEAD", header);
   if (has_outline) writer.write("OUTL", outline);
-  writer.write("TILE", tiles);
-  writer.write("ROWS", rows);
+  for (std::size_t i = 0; i < maps.size(); ++i) writer.write(i % 2 == 0 ? "TILE" : "ROWS", maps[i]);
   writer.commit();
 }
 

@@ -12,6 +12,8 @@ namespace xraycast {
 ///   `OUTL`  the geometry's outline; only where there is one, which makes it a file of version 2
 ///   `TILE`  Basis::touched
 ///   `ROWS`  Basis::weights
+/// Of a body that moves, a file of version 3, TILE and ROWS of each further key map that has rows of its own
+/// follow; `HEAD` has its keys as the attributes of a map's file do (write_body_map).
 ///
 /// Chunks hold at most 8 MiB, so the last two come in several. They are not compressed: zlib saves a third of
 /// a thorax's basis and takes a second per 20 MB, 60 times as long as the checksums.
@@ -24,6 +26,6 @@ void write_basis(const Basis& basis, const std::filesystem::path& path);
 Basis read_basis(const std::filesystem::path& path);
 
 inline constexpr char kBasisMagic[] = "\x89XRB\r\n\x1a\n";
-inline constexpr std::uint32_t kBasisVersion = 1, kBasisOutlineVersion = 2;
+inline constexpr std::uint32_t kBasisVersion = 1, kBasisOutlineVersion = 2, kBasisMotionVersion = 3;
 
 }  // namespace xraycast

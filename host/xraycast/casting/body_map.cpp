@@ -7,6 +7,7 @@
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/small_pictures.hpp"
+#include "xraycast/casting/key_maps_file.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -20,7 +21,8 @@ namespace {
 
 // The version determines the channels, or that an outline follows the layers; from kPrecisionVersion on
 // attributes do.
-constexpr int kTauVersion = 1, kSpectrumVersion = 2, kOutlineVersion = 3, kPrecisionVersion = 4;
+constexpr int kTauVersion = 1, kSpectrumVersion = 2, kOutlineVersion = 3, kPrecisionVersion = 4,
+              kMotionVersion = 5;
 constexpr const char *kOutlinePart = "outline", *kOutlineChannel = "radius_mm";
 
 using nlohmann::json;
@@ -38,7 +40,15 @@ auto channels_of(Map& map) {
   return channels;
 }
 
+template <typename Map>
+std::vector<std::string> channel_names(Map& map) {
+  std::vector<std::string> names;
+  for (const auto& [name, values] : channels_of(map)) names.emplace_back(name);
+  return names;
+}
+
 int version_of(const BodyMap& map) {
+  if (map.keys) return kMotionVersion;
   if (map.precision != MapPrecision::float32) return kPrecisionVersion;
   return map.geometry.has_outline() ? kOutlineVersion : map.spectrum() ? kSpectrumVersion : kTauVersion;
 }
@@ -50,7 +60,17 @@ struct StoredValues {
   std::vector<std::vector<float>> bytes{};
 };
 
+/// The ranges of the key maps' bytes; their values are stored by key_parts.
+StoredValues stored_ranges(const BodyMap& map) {
+  StoredValues stored;
+  for (std::size_t c = 0; const std::string& name : channel_names(map))
+    for (const LayerByteRange& range : map.keys->ranges()[c++])
+      stored.byte_ranges[name].push_back({range.offset, range.scale});
+  return stored;
+}
+
 StoredValues stored_values(const BodyMap& map) {
+  if (map.keys) return stored_ranges(map);
   StoredValues stored;
   for (const auto& [name, values] : channels_of(map)) {
     if (map.precision != MapPrecision::byte) {
@@ -85,7 +105,7 @@ ExrPart part_of_layer(const BodyMap& map, const StoredValues& stored, int layer)
                .is_half = map.precision != MapPrecision::float32,
                .is_packed_by_row = map.precision == MapPrecision::float32};
   const auto channels = channels_of(map);
-  for (std::size_t c = 0; c < channels.size(); ++c)
+  for (std::size_t c = 0; c < stored.channels.size(); ++c)
     part.channels[channels[c].first] = stored.channels[c].subspan(layer * map.layer_size(), map.layer_size());
   const auto set = [&](const std::string& name, std::variant<int, std::string> value) {
     part.attributes["xraycast:" + name] = std::move(value);
@@ -122,8 +142,8 @@ std::vector<float> outline_rows(const MapGeometry& geometry) {
 }
 
 /// The outline behind the layers: one row of it where all are the same.
-std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geometry, const std::string& path) {
-  const int part = geometry.layers();
+std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geometry, int part,
+                                const std::string& path) {
   if (file.parts() <= part) throw InputError("{}: its part {} is missing", path, kOutlinePart);
   if (file.size(part) != file.size(0))
     throw InputError("{}: part {} has {} x {} radii for layers of {} x {} texels", path, kOutlinePart,
@@ -215,13 +235,23 @@ std::vector<LayerByteRange> byte_ranges_of(const json& attribute, const char* ch
   return ranges;
 }
 
+/// Of every channel and layer.
+std::vector<std::vector<LayerByteRange>> byte_ranges_of(const BodyMap& map, const ExrReader& file,
+                                                        const std::string& path) {
+  const json ranges_of_channels = attribute(file, "byte_ranges", path);
+  std::vector<std::vector<LayerByteRange>> ranges;
+  for (const auto& [channel, values] : channels_of(map))
+    ranges.push_back(byte_ranges_of(ranges_of_channels, channel, map.geometry.layers(), path));
+  return ranges;
+}
+
 /// Turns the bytes of a map's layers, as they were read, into values.
 void expand_bytes(BodyMap& map, const ExrReader& file, const std::string& path) {
-  const json ranges_of_channels = attribute(file, "byte_ranges", path);
-  for (const auto& [channel, values] : channels_of(map)) {
+  const auto all_ranges = byte_ranges_of(map, file, path);
+  for (std::size_t c = 0; const auto& [channel, values] : channels_of(map)) {
     if (!std::ranges::all_of(*values, [](float byte) { return byte >= 0 && byte <= 255; }))
       throw InputError("{}: {} has values that are not bytes; cast the map again", path, channel);
-    const auto ranges = byte_ranges_of(ranges_of_channels, channel, map.geometry.layers(), path);
+    const auto& ranges = all_ranges[c++];
     for (std::size_t i = 0; i < values->size(); ++i)
       (*values)[i] = ranges[i / map.layer_size()].value_of((*values)[i]);
   }
@@ -237,10 +267,10 @@ BodyMap read_map(const std::filesystem::path& path) {
   const ExrReader file(path);
   const int version = file.number("xraycast:version");
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
-  if (version < kTauVersion || version > kPrecisionVersion)
+  if (version < kTauVersion || version > kMotionVersion)
     throw InputError("{}: body map version {}, but this program reads versions {} to {}; {}", name, version,
-                     kTauVersion, kPrecisionVersion,
-                     version > kPrecisionVersion ? "use a newer xraycast" : "cast the scan again");
+                     kTauVersion, kMotionVersion,
+                     version > kMotionVersion ? "use a newer xraycast" : "cast the scan again");
 
   BodyMap map;
   map.geometry = geometry_of(file, name);
@@ -257,11 +287,18 @@ BodyMap read_map(const std::filesystem::path& path) {
     throw InputError("{}: attribute xraycast:frame_of_reference_uid is not a DICOM UID; cast the map again",
                      name);
   const int layers = map.geometry.layers();
+  const bool has_keys = version == kMotionVersion;
   if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
+  std::shared_ptr<KeyMaps> keys;
+  int outline_part = layers;
+  if (has_keys)
+    keys = std::make_shared<KeyMaps>(read_keys(file, map.geometry, channel_names(map),
+                                               byte_ranges_of(map, file, name), path, outline_part));
   if (version == kOutlineVersion || file.number("xraycast:outline") != 0) {
-    map.geometry.outline_mm = read_outline(file, map.geometry, name);
+    map.geometry.outline_mm = read_outline(file, map.geometry, outline_part, name);
     validate(map.geometry, name);
   }
+  if (has_keys) return moving_map(std::move(map), std::move(keys));
   for (int k = 0; k < layers; ++k)
     if (file.size(k) != file.size(0)) throw InputError("{}: layer {} differs in size from layer 0", name, k);
 
@@ -295,7 +332,14 @@ void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
                      path.string());
   const StoredValues stored = stored_values(map);
   std::vector<ExrPart> parts;
-  for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, stored, k));
+  KeyParts of_keys;
+  if (map.keys) {
+    of_keys = key_parts(map, channel_names(map), path);
+    parts = std::move(of_keys.parts);
+    parts.front().attributes.merge(part_of_layer(map, stored, 0).attributes);
+  } else {
+    for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, stored, k));
+  }
   std::vector<float> outline;
   if (map.geometry.has_outline()) {
     outline = outline_rows(map.geometry);

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <string>
 #include <variant>
@@ -14,11 +15,16 @@
 
 namespace xraycast {
 
+class KeyMaps;
+
 /// The sums along the rays of a geometry: K x H x W floats, layer 0 innermost, row 0 superior, column 0
 /// anterior. The sum over layers is that of the whole ray.
 ///
 /// By an opacity a map holds optical depths. A spectrum map, by a spectrum, holds the masses of materials,
 /// from which SpectrumModel gives the optical depth once they are summed along the view ray.
+///
+/// A map of a body that moves has `keys` too (key_maps.hpp), from which map_at() makes that of an instant;
+/// its own values are those at phase 0 of all modes.
 struct BodyMap {
   MapGeometry geometry;
   Attenuation attenuation = Opacity::paper();
@@ -27,6 +33,7 @@ struct BodyMap {
   MaterialDepths depths{};                         ///< by a spectrum
   std::string frame_of_reference_uid{};            ///< of the DICOM series that was cast; empty: unknown
   MapPrecision precision = MapPrecision::float32;  ///< of its file, and of its texture when it is drawn
+  std::shared_ptr<const KeyMaps> keys{};  ///< of a body that moves; then the precision is that of bytes
 
   const Spectrum* spectrum() const { return std::get_if<Spectrum>(&attenuation); }  ///< null by an opacity
   /// The paper's by a spectrum.
@@ -47,7 +54,15 @@ bool fits_precision(const BodyMap& map);
 /// are the whole numbers 0 to 255 in 16-bit floats, which OpenEXR packs to less than a byte;
 /// `xraycast:byte_ranges` has the offset and the scale of each layer and channel. Such maps are files of
 /// version 4, maps with an outline of version 3, spectrum maps of version 2, others of version 1, which every
-/// version of the program reads. Throws InputError when `path` cannot be written, or when values do not
+/// version of the program reads.
+///
+/// A map of a body that moves is a file of version 5: the layers of the key maps one after the other, in
+/// place of one map's, each as high as the rows that the key map has of its own. `xraycast:keys` has the
+/// modes, their times and key phases (KeyPhases::to_json), `xraycast:key_rows` of each key map its base and
+/// its first row and number of rows (KeyRows), and `xraycast:motion` the motion's file, relative to the map
+/// where it lies near it.
+///
+/// Throws InputError when `path` cannot be written, or when values do not
 /// fit the precision, and Error when the disk is full.
 void write_body_map(const BodyMap& map, const std::filesystem::path& path);
 

@@ -3,6 +3,7 @@
 #include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/base/progress.hpp"
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/casting/device_field.hpp"
 #include "xraycast/casting/map_geometry.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
 
@@ -19,8 +20,12 @@ struct CastResult {
 /// interpolated bilinearly within the slice, then classified; a sample that straddles a shell's edge is split
 /// by length. Rays that leave the slice see air (-1024 HU). Stage "casting" of `progress`.
 ///
-/// Throws InputError when the geometry does not match the scan, DeviceError when the device fails.
+/// With `moved` the rays pass through the scan while it is displaced, trilinear between its voxels, and only
+/// these rows are cast; what the others hold is undefined.
+///
+/// Throws InputError when the geometry does not match the scan or, with `moved`, is a rectangle's;
+/// DeviceError when the device fails.
 CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
-                Progress& progress);
+                Progress& progress, const MovedRows* moved = nullptr);
 
 }  // namespace xraycast

@@ -66,17 +66,24 @@ std::vector<std::string> opacity_hints(const Attenuation& attenuation, const Sli
 }
 
 CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spectrum& spectrum,
-                Progress& progress) {
+                Progress& progress, const MovedRows* moved) {
   CastResult result;
   result.map.geometry = geometry;
   result.map.attenuation = spectrum;
   const std::size_t texels = result.map.layer_size() * static_cast<std::size_t>(geometry.layers());
   result.map.depths = depths_of(scan, texels, [&](const ResidentScan& resident, const Opacity& contents) {
-    CastResult part = cast(resident, geometry, contents, progress);
+    CastResult part = cast(resident, geometry, contents, progress, moved);
     result.kernel_ms += part.kernel_ms;
     return std::move(part.map.tau);
   });
   return result;
+}
+
+CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Attenuation& attenuation,
+                Progress& progress, const MovedRows* moved) {
+  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  return spectrum ? cast(scan, geometry, *spectrum, progress, moved)
+                  : cast(scan.native, geometry, std::get<Opacity>(attenuation), progress, moved);
 }
 
 ProjectedMasses project_masses(const SpectralScan& scan, const View& view, Progress& progress) {

@@ -40,7 +40,11 @@ std::vector<std::string> opacity_hints(const Attenuation& attenuation, const Sli
 /// A spectrum map: the masses of kMaterials along the rays of `geometry`. Otherwise as `cast` of an opacity,
 /// with a stage "casting" for each material.
 CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spectrum& spectrum,
-                Progress& progress);
+                Progress& progress, const MovedRows* moved = nullptr);
+
+/// By either.
+CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Attenuation& attenuation,
+                Progress& progress, const MovedRows* moved = nullptr);
 
 /// H x W masses of kMaterials in g/cm2 along a view's rays, row 0 on top.
 struct ProjectedMasses {

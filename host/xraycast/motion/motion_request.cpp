@@ -23,12 +23,15 @@ void check(const MotionRequest& request) {
     throw InputError("`time` {}: must be seconds, within {:g}", *request.time_s, kLongest_s);
 }
 
+std::vector<double> phases_of(const Motion& motion, const MotionRequest& request) {
+  return request.time_s ? motion.phases_at(*request.time_s) : motion.phases_of(request.phase);
+}
+
 MotionOfRequest held_motion(const MotionRequest& request) {
   check(request);
   if (!request.is_given()) return {};
   const Motion motion = read_motion(request.motion);
-  const std::vector<double> phases =
-      request.time_s ? motion.phases_at(*request.time_s) : motion.phases_of(request.phase);
+  const std::vector<double> phases = phases_of(motion, request);
   MotionOfRequest of_request{motion.held_at(phases), motion.name(), {}, motion.warnings()};
   for (std::size_t m = 0; m < phases.size(); ++m)
     of_request.phases.emplace_back(motion.modes()[m].name, phases[m]);

@@ -18,12 +18,18 @@ struct MotionRequest {
   std::map<std::string, double> phase{};  ///< of modes by name, 0 to 1; 0 of those that are not named
   std::optional<double> time_s{};         ///< instead: the phases of all modes at a time
 
+  /// All instants at once, where that is possible.
+  bool is_of_all_instants() const { return !motion.empty() && phase.empty() && !time_s; }
   bool is_given() const { return !motion.empty() || !phase.empty() || time_s; }
 };
 
 /// Throws InputError for a phase or time without a motion or both of them, and for a motion without either.
 /// Reads no file.
 void check(const MotionRequest& request);
+
+/// The phase of each mode of a motion, in order: at the request's time, or as it names them. Throws
+/// InputError as Motion::phases_of.
+std::vector<double> phases_of(const Motion& motion, const MotionRequest& request);
 
 /// A body's motion, held at what was asked for.
 struct MotionOfRequest {

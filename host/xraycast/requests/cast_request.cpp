@@ -4,10 +4,12 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
-#include "xraycast/casting/body_fit.hpp"
-#include "xraycast/casting/rays_within.hpp"
-#include "xraycast/casting/slab_caster.hpp"
 #include "xraycast/geometry/curved_axis.hpp"
+#include "xraycast/motion/moved_scan.hpp"
+#include "xraycast/requests/body_fit.hpp"
+#include "xraycast/requests/moving_caster.hpp"
+#include "xraycast/requests/rays_within.hpp"
+#include "xraycast/requests/slab_caster.hpp"
 #include "xraycast/scan/scan.hpp"
 
 #include <glm/common.hpp>
@@ -63,6 +65,19 @@ void check_applies(const CastRequest& request) {
   if (!request.centre_line.empty() && !request.centre_mm.empty())
     throw InputError("`centre_mm` {} and `centre_line` {}: give only one of them", listed(request.centre_mm),
                      request.centre_line);
+}
+
+void check_instant(const CastRequest& request) {
+  if (!request.moves()) {
+    check(request.motion);
+    if (request.keys.empty()) return;
+    if (request.motion.is_given())
+      throw InputError("`keys` are those of a map that moves; leave out `phase` and `time`, or `keys`");
+    throw InputError("`keys` need a motion; give `motion` too");
+  } else if (request.projection == RayLayout::rectangle) {
+    throw InputError(
+        "`projection` rectangle: its pictures do not move; give an instant by `phase` or `time`");
+  }
 }
 
 void check_values(const CastRequest& request) {
@@ -190,13 +205,14 @@ MapGeometry resolve_geometry(const CastRequest& request, const VolumeGeometry& v
 /// The same with shells that follow the body, unless circles are asked for. Where there is no body, and its
 /// outline was not asked for, they are circles too.
 MapGeometry resolve_shells(const CastRequest& request, const VolumeGeometry& volume,
-                           const OutlineFinder& finder, Casting& casting) {
+                           const OutlineFinder& finder, Casting& casting,
+                           std::span<const glm::dvec3> further_skin_mm = {}) {
   const BodyOutline outline = resolve_outline(request, finder, casting.notes);
   MapGeometry circles = resolve_geometry(request, volume, outline);
   casting.cut_off = cut_off_of(outline, circles, field_of(volume));
   if (!request.has_body_outline()) return circles;
   try {
-    return fit_to_body(circles, finder);
+    return fit_to_body(circles, finder, further_skin_mm);
   } catch (const InputError& error) {
     if (request.outline || has_shares(request)) throw;
     casting.notes.push_back(fmt::format("the shells are circles: {}", error.what()));
@@ -333,7 +349,7 @@ void check(const CastRequest& request) {
   check_applies(request);
   check_values(request);
   check_iodine(request.iodine, request.opacity);
-  check(request.motion);
+  check_instant(request);
   resolve_knots(request);
   MapGeometry of_one_row;
   of_one_row.ray_layout = request.projection;
@@ -363,10 +379,7 @@ Casting cast(const CastRequest& request, const SpectralScan& scan, const Outline
   const MapGeometry geometry = resolve_shells(request, scan.native.geometry(), body, casting);
   casting.outline_ms = finding.ms();
   const auto* opacity = std::get_if<Opacity>(&request.opacity);
-  if (request.makes_map)
-    put(opacity ? cast(scan.native, geometry, *opacity, progress)
-                : cast(scan, geometry, std::get<Spectrum>(request.opacity), progress),
-        casting);
+  if (request.makes_map) put(cast(scan, geometry, request.opacity, progress), casting);
   if (request.knots_hu) {
     const Stopwatch making;
     casting.basis = make_basis(scan.native, geometry, resolve_knots(request), progress);
@@ -382,6 +395,65 @@ Casting cast(const CastRequest& request, const SpectralScan& scan, const Outline
 }
 
 namespace {
+
+/// Throws InputError for displacements that do not cover the body; warns of what else is worth a look. Each
+/// mode at each of its fields, the others at rest.
+std::vector<std::string> checked(const Motion& motion, const Volume& volume) {
+  std::vector<std::string> warnings = motion.warnings();
+  for (std::size_t m = 0; m < motion.modes().size(); ++m)
+    for (const KeyPhase& key : motion.modes()[m].keys) {
+      std::vector<double> phases(motion.modes().size(), 0.0);
+      phases[m] = key.phase;
+      const HeldMotion held = motion.held_at(phases);
+      if (!key.moves || held.is_still()) continue;
+      for (std::string& warning : check_motion(volume, held, motion.name()))
+        if (std::ranges::find(warnings, warning) == warnings.end()) warnings.push_back(std::move(warning));
+    }
+  return warnings;
+}
+
+/// The key maps of a motion.
+Casting cast_moving(const CastRequest& request, const ScanOpener& open, ComputeDevice& device,
+                    Progress& progress) {
+  const Motion motion = read_motion(request.motion.motion);
+  const KeyPhases phases = key_phases(motion, request.keys);
+  Scan scan = open_scan_of(request, {}, open, progress);
+  const VolumeGeometry grid = scan.source->geometry();
+  if (const std::int64_t limit_B = memory_limit_B(request, device); resident_bytes(grid) > limit_B)
+    throw InputError(
+        "`motion`: key maps need the whole scan in memory, {} MB of {}; raise `memory_limit_B`, or convert "
+        "the "
+        "scan to larger voxels",
+        resident_bytes(grid) >> 20, limit_B >> 20);
+  Casting casting;
+  const Stopwatch reading;
+  const Volume volume = collect(*scan.source, progress);
+  casting.notes = checked(motion, volume);
+  const double read_ms = reading.ms();
+  OutlineFinder finder = outline_finder(request, grid);
+  VolumeSource slices(volume);
+  const SpectralScan resident = load(device, slices, request.iodine, finder, casting.load, progress);
+  casting.load.read_ms += read_ms;
+
+  const Stopwatch finding;
+  std::vector<glm::dvec3> skin_mm;
+  if (request.has_body_outline()) skin_mm = moved_skin_mm(finder, grid, motion, phases);
+  const MapGeometry geometry = resolve_shells(request, grid, finder, casting, skin_mm);
+  casting.outline_ms = finding.ms();
+  if (request.makes_map)
+    put(cast_keys(resident, geometry, request.opacity, motion, phases, progress), casting);
+  if (request.knots_hu) {
+    const Stopwatch making;
+    casting.basis =
+        make_key_basis(resident.native, geometry, resolve_knots(request), motion, phases, progress);
+    casting.basis_ms = making.ms();
+  }
+  casting.left_out = left_out_of(geometry, {}, request.keep_table);
+  const SliceSource::HuRange hu = scan.source->hu_range();
+  std::ranges::move(opacity_hints(request.opacity, hu), std::back_inserter(casting.notes));
+  std::ranges::move(hu.warnings(), std::back_inserter(casting.notes));
+  return casting;
+}
 
 Casting cast_at(const MotionOfRequest& motion, const CastRequest& request, const ScanOpener& open,
                 ComputeDevice& device, Progress& progress) {
@@ -405,6 +477,7 @@ Casting cast_at(const MotionOfRequest& motion, const CastRequest& request, const
 
 Casting cast(const CastRequest& request, const ScanOpener& open, ComputeDevice& device, Progress& progress) {
   check(request);
+  if (request.moves()) return cast_moving(request, open, device, progress);
   MotionOfRequest motion = held_motion(request.motion);
   Casting casting = cast_at(motion, request, open, device, progress);
   casting.motion = std::move(motion);

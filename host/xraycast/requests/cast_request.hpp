@@ -9,6 +9,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <variant>
@@ -42,15 +43,21 @@ struct CastRequest {
   std::optional<ShellOutline> outline{};  ///< else the body's, or circles where no body is found
   bool keep_table = false;                ///< the outline encloses everything
   Attenuation opacity = Opacity::paper();
-  std::filesystem::path iodine{};                ///< with a spectrum: a mask of vessels, on the scan's grid
-  std::filesystem::path without_vessels{};       ///< a folder of `mask.nrrd`: see WithoutVessels
-  MotionRequest motion{};                        ///< of the scan, which is cast as it is at that instant
+  std::filesystem::path iodine{};           ///< with a spectrum: a mask of vessels, on the scan's grid
+  std::filesystem::path without_vessels{};  ///< a folder of `mask.nrrd`: see WithoutVessels
+
+  /// Of the scan, which is cast as it is at that instant; or, where none is given, at the keys of the motion,
+  /// between which a map is blended as the body moves (BodyMap::keys).
+  MotionRequest motion{};
+  std::map<std::string, int> keys{};  ///< of modes by name: the number of their key phases; see key_phases()
+
   std::optional<std::int64_t> memory_limit_B{};  ///< beyond it, slabs are cast; the device's largest buffer
 
   bool makes_map = true;
   std::optional<std::vector<double>> knots_hu{};  ///< makes a basis; of useful_knots_hu() where empty
   bool measures_outside = false;                  ///< see Casting::outside_share
 
+  bool moves() const { return motion.is_of_all_instants(); }
   bool has_body_outline() const {
     return projection != RayLayout::rectangle && outline != ShellOutline::circle;
   }

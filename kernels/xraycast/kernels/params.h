@@ -68,6 +68,15 @@ typedef struct {
   XRC_FLOAT step[3];   /* voxels along x, y and z for step_mm */
 } XrcSphere;
 
+/* Displacements of a scan at the nodes of a grid, trilinear between them: node (i, j, k), x fastest, is at
+ * voxel (i / nodes_per_voxel[0], j / nodes_per_voxel[1], k * slices from node to node), which divide a
+ * brick's and are the value of -DMOVED. A node is x, y and z in voxels, and 0: a place of the moved scan
+ * shows what lies that far from it in the scan. The nodes enclose all voxels, and those of the last brick. */
+typedef struct {
+  XRC_INT size_x, size_y, size_z;
+  XRC_FLOAT nodes_per_voxel[2];
+} XrcField;
+
 /* The basis of recasting: how many millimetres of a ray count for each knot of an opacity. A tile is
  * 16 slices (those of a brick) of one map column in one layer; tile (brick * layers + layer) * width +
  * column. For every knot that any of its texels touches it has a row of 16 weights, in units of its shell's

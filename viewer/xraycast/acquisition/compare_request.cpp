@@ -1,8 +1,9 @@
 #include "xraycast/acquisition/compare_request.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/casting/rays_within.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/renderer.hpp"
+#include "xraycast/requests/rays_within.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/same_scan.hpp"
 
@@ -118,14 +119,22 @@ void check(const CompareRequest& request) {
 
 void check(const CompareRequest& request, const VolumeGeometry& scan, const std::string& scan_name) {
   check(request);
-  for (const auto& [map, name] : request.maps) check_same_scan(map->geometry, name, scan, scan_name);
+  for (const auto& [map, name] : request.maps) {
+    check_same_scan(map->geometry, name, scan, scan_name);
+    check_same_instant(*map, name, scan_name);
+    if (map->keys) map->keys->phases().rhythm().phases_of(request.phase);
+  }
 }
 
 std::vector<MapComparison> compare(const CompareRequest& request, const ResidentScan& scan,
                                    Progress& progress, const CompareListener& listener) {
   std::vector<MapComparison> comparisons(request.maps.size());
   std::vector<Renderer> renderers(request.maps.size());
-  for (std::size_t i = 0; i < renderers.size(); ++i) renderers[i].set_map(request.maps[i].map);
+  for (std::size_t i = 0; i < renderers.size(); ++i) {
+    const auto& map = request.maps[i].map;
+    renderers[i].set_map(map);
+    if (map->keys) renderers[i].set_phases(map->keys->phases().rhythm().phases_of(request.phase));
+  }
   // The stages of each projection are not told, only ended with the whole.
   Progress of_each([&](const Progress::State&) { progress.check(); });
   DrrsOfView drrs(scan, of_each);

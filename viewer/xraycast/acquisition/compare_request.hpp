@@ -1,13 +1,14 @@
 #pragma once
 
 #include "xraycast/casting/body_map.hpp"
-#include "xraycast/casting/comparison.hpp"
 #include "xraycast/casting/view.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
+#include "xraycast/requests/comparison.hpp"
 #include "xraycast/sampling/column_samples.hpp"
 
 #include <cstddef>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -32,12 +33,16 @@ struct CompareRequest {
   double cranial_deg = 0;      ///< tilt of the detector in all views
   std::optional<Cone> cone{};  ///< none: a parallel beam
   SampleOptions sampling{};
+
+  /// The instant of maps that move, by their modes; those that are not named are at 0.
+  std::map<std::string, double> phase{};
 };
 
 /// Throws InputError for what can be compared with no scan.
 void check(const CompareRequest& request);
 
-/// The same, and for maps that were not cast from a scan; `scan_name` is in front of messages.
+/// The same, and for maps that were not cast from a scan or at another instant; `scan_name` is in front of
+/// messages.
 void check(const CompareRequest& request, const VolumeGeometry& scan, const std::string& scan_name);
 
 /// A frame's similarity to the DRR of the part of the scan that the map covers, over the pixels whose rays

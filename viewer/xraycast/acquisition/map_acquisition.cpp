@@ -56,6 +56,15 @@ MapAcquisition::MapAcquisition(Renderer& renderer, MapScene scene, const Picture
   check(options_, scene_.vessels.has_value(), !scene_.instruments.empty());
   if (scene_.road_map) road_map_.emplace(*scene_.road_map);
   renderer_.set_map(scene_.map);
+  Progress progress;
+  if (scene_.motion && scene_.vessels) moving_.emplace(*scene_.vessels, *scene_.motion, progress);
+  show_vessels(true);
+}
+
+void MapAcquisition::set_phases(std::span<const double> phases) {
+  renderer_.set_phases(phases);
+  if (!moving_) return;
+  scene_.vessels = moving_->at(phases);
   show_vessels(true);
 }
 

@@ -3,12 +3,15 @@
 #include "xraycast/acquisition/acquisition.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/motion/motion.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
+#include "xraycast/scene/moving_surface.hpp"
 #include "xraycast/scene/road_map.hpp"
 
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -35,6 +38,8 @@ struct MapScene {
   std::optional<Surface> vessels{};  ///< filled with contrast agent, which a mask has not
   std::vector<Surface> instruments{};
   std::optional<VesselTree> road_map{};  ///< whose outline is drawn into displayed pictures
+  /// By which the vessels move with a map that does; its modes are the map's, in order. Null: they stay.
+  std::shared_ptr<const Motion> motion{};
 };
 
 /// Pictures of a body map with vessels and instruments, from one view after the other.
@@ -42,6 +47,9 @@ class MapAcquisition {
  public:
   /// The renderer, which has the map, must outlive it. Throws as `check` and Acquisition.
   MapAcquisition(Renderer& renderer, MapScene scene, const PictureOptions& options, const View& first);
+
+  /// The instant of the next frames, of the map (see Renderer::set_phases) and of the vessels.
+  void set_phases(std::span<const double> phases);
 
   /// The next frame, subtracted from a mask of the same view. Throws InputError when the map cannot be drawn
   /// so.
@@ -61,6 +69,7 @@ class MapAcquisition {
   MapScene scene_;
   PictureOptions options_;
   Acquisition acquisition_;
+  std::optional<MovingSurface> moving_;  ///< the vessels
   std::optional<RoadMap> road_map_;
   std::optional<SubtractionWindow> window_;
   std::vector<float> tau_;  ///< of the frame

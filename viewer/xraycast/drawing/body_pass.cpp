@@ -2,6 +2,7 @@
 
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
 #include "xraycast/kernels/params.h"
 #include "xraycast/sampling/c_arm_pose.hpp"
 
@@ -121,12 +122,25 @@ void BodyPass::set_map(std::shared_ptr<const BodyMap> map) {
   map_ = std::move(map);
   prepared_.reset();
   drawn_.reset();
+  keys_.clear();
+  phases_.clear();
   if (!map_) return;
+  if (map_->keys) phases_.resize(map_->keys->phases().phases().size(), 0.0);
   geometry_ = drawn_geometry(*map_);
   if (!map_->spectrum()) return;
   const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum()).table();
   spectrum_bins_ = static_cast<int>(bins.size());
   spectrum_table_.fill(floats(bins), "spectrum");
+}
+
+void BodyPass::set_phases(std::span<const double> phases) {
+  if (!map_ || !map_->keys || std::ranges::equal(phases, phases_)) return;
+  if (phases.size() != phases_.size())
+    throw InputError("{} for a map of {}; give one for each", pluralize(phases.size(), "phase"),
+                     pluralize(phases_.size(), "mode"));
+  phases_.assign(phases.begin(), phases.end());
+  is_blended_ = false;
+  drawn_.reset();
 }
 
 std::size_t BodyPass::texture_B() const {
@@ -144,17 +158,31 @@ ScreenBox BodyPass::body_box(const View& view) const {
 }
 
 void BodyPass::prepare(const Style& style) {
-  if (prepared_ && same_texels(*prepared_, style)) return;
+  if (prepared_ && same_texels(*prepared_, style)) return blend();
   prepared_.reset();  // should preparing fail
   const MapGeometry drawn = drawn_shells(geometry_, style.sampling);
   check_columns(drawn);
   upload_map(drawn, style);
   if (!has_columns(geometry_)) upload_march_tables(drawn, style.sampling);
+  blend();
   prepared_ = style;
+}
+
+/// Of a map that moves: fills the textures for its phases.
+void BodyPass::blend() {
+  if (!map_->keys || is_blended_) return;
+  for (std::size_t channel = 0; channel < keys_.size(); ++channel)
+    textures_[channel].texels.fill_bytes(
+        texels_.values(),
+        [&](std::span<std::byte> texels) { keys_[channel].blend(*map_->keys, phases_, texels); },
+        "the body map");
+  is_blended_ = true;
 }
 
 void BodyPass::upload_map(const MapGeometry& drawn, const Style& style) {
   texels_ = texels_of(drawn);
+  keys_.clear();
+  is_blended_ = false;
   while (textures_.size() > static_cast<std::size_t>(channels())) textures_.pop_back();
   while (textures_.size() < static_cast<std::size_t>(channels())) textures_.emplace_back(map_->precision);
   for (int channel = 0; channel < channels(); ++channel) upload_channel(channel, style);
@@ -162,6 +190,11 @@ void BodyPass::upload_map(const MapGeometry& drawn, const Style& style) {
 
 void BodyPass::upload_channel(int channel, const Style& style) {
   MapTexture& texture = textures_[static_cast<std::size_t>(channel)];
+  if (map_->keys) {
+    const KeyTexels& keys =
+        keys_.emplace_back(*map_->keys, channel, geometry_, style.sampling, style.layer_weights);
+    return upload_ranges(texture, keys.byte_ranges());
+  }
   const auto make = [&](std::span<float> texels) {
     make_texels(geometry_, map_->spectrum() ? map_->depths[channel] : map_->tau, style.sampling,
                 style.layer_weights, texels);
@@ -172,12 +205,14 @@ void BodyPass::upload_channel(int channel, const Style& style) {
   make(texels);
   const PackedTexels packed = pack_texels(texels_, texels, map_->precision);
   texture.texels.fill_bytes(packed.values, "the body map");
-  if (packed.byte_ranges.empty()) return;
+  if (!packed.byte_ranges.empty()) upload_ranges(texture, packed.byte_ranges);
+}
+
+void BodyPass::upload_ranges(MapTexture& texture, std::span<const LayerByteRange> byte_ranges) {
   // OpenGL takes bytes for 0 to 1. With every layer's stands the next one's.
   std::vector<std::array<float, 4>> ranges;
-  for (std::size_t k = 0; k < packed.byte_ranges.size(); ++k) {
-    const LayerByteRange &here = packed.byte_ranges[k],
-                         &next = packed.byte_ranges[std::min(k + 1, packed.byte_ranges.size() - 1)];
+  for (std::size_t k = 0; k < byte_ranges.size(); ++k) {
+    const LayerByteRange &here = byte_ranges[k], &next = byte_ranges[std::min(k + 1, byte_ranges.size() - 1)];
     ranges.push_back({here.offset, 255 * here.scale, next.offset, 255 * next.scale});
   }
   texture.byte_ranges.fill(floats(ranges), "the body map");

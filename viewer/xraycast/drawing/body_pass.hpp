@@ -4,6 +4,7 @@
 #include "xraycast/casting/projector.hpp"
 #include "xraycast/drawing/fullscreen_pass.hpp"
 #include "xraycast/drawing/surface_layer.hpp"
+#include "xraycast/sampling/key_texels.hpp"
 #include "xraycast/sampling/map_texels.hpp"
 #include "xraycast/sampling/rectified_view.hpp"
 #include "xraycast/scene/scene.hpp"
@@ -11,6 +12,7 @@
 #include <array>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -39,7 +41,9 @@ struct MapTexture {
 /// marching, pixel by pixel. Four rows of a column share a texel. With a spectrum the masses of the materials
 /// are drawn first, one texture each, and the spectrum is applied to their sums.
 ///
-/// The texture is cached: it is redrawn only for another map, view or style.
+/// The texture is cached: it is redrawn only for another map, instant, view or style. The texels of a map
+/// that moves are blended on the processor once for each instant, and shaders know nothing of it: fetching
+/// those of all nearest keys would multiply the fetches, which take most of a frame's time.
 class BodyPass {
  public:
   /// `screen` must outlive the pass.
@@ -47,6 +51,9 @@ class BodyPass {
 
   /// None: no body.
   void set_map(std::shared_ptr<const BodyMap> map);
+
+  /// See Renderer::set_phases.
+  void set_phases(std::span<const double> phases);
   bool has_spectrum() const { return map_ && map_->spectrum(); }
 
   /// Size of the map in GPU memory.
@@ -85,6 +92,8 @@ class BodyPass {
   void prepare(const Style& style);
   void upload_map(const MapGeometry& drawn, const Style& style);
   void upload_channel(int channel, const Style& style);
+  void upload_ranges(MapTexture& texture, std::span<const LayerByteRange> byte_ranges);
+  void blend();
   std::string variant(const std::string& defines) const;
   void upload_march_tables(const MapGeometry& drawn, const SampleOptions& options);
   void upload_samples(const RectifiedView& rectified, const SampleOptions& options);
@@ -105,6 +114,9 @@ class BodyPass {
   std::optional<Style> prepared_;     ///< the style that the map's texels are made for
   MapTexels texels_;                  ///< of each channel
   std::vector<MapTexture> textures_;  ///< of the channels
+  std::vector<KeyTexels> keys_;       ///< of the channels of a map that moves
+  std::vector<double> phases_;        ///< of its modes
+  bool is_blended_ = false;           ///< the textures are those of the phases
   gl::Table column_table_, sample_table_, axis_table_, layer_table_, outline_table_, spectrum_table_;
   int spectrum_bins_ = 0;
   std::optional<Drawn> drawn_;

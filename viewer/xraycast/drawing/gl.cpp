@@ -144,11 +144,24 @@ void Table::fill_bytes(std::span<const std::byte> texels, const std::string& wha
 void Table::fill(std::size_t count, const std::function<void(std::span<float>)>& write,
                  const std::string& what) {
   allocate(count * sizeof(float), nullptr, what);
+  map([&](void* mapped) { write({static_cast<float*>(mapped), count}); }, what);
+}
+
+void Table::fill_bytes(std::size_t count, const std::function<void(std::span<std::byte>)>& write,
+                       const std::string& what) {
+  if (count == size_B_)
+    glBindBuffer(GL_TEXTURE_BUFFER, buffer_.id());
+  else
+    allocate(count, nullptr, what);
+  map([&](void* mapped) { write({static_cast<std::byte*>(mapped), count}); }, what);
+}
+
+void Table::map(const std::function<void(void*)>& write, const std::string& what) {
   void* mapped = glMapBufferRange(GL_TEXTURE_BUFFER, 0, static_cast<GLsizeiptr>(size_B_),
                                   GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
   if (is_out_of_memory() || !mapped) throw_no_memory(what, size_B_);
   try {
-    write({static_cast<float*>(mapped), count});
+    write(mapped);
   } catch (...) {
     glUnmapBuffer(GL_TEXTURE_BUFFER);
     throw;

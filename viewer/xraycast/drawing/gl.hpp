@@ -115,6 +115,10 @@ class Table {
   /// The same with the bytes of whole texels of any format.
   void fill_bytes(std::span<const std::byte> texels, const std::string& what);
 
+  /// The same that `write` puts into the mapped buffer, as fill() does. A buffer of that size is kept.
+  void fill_bytes(std::size_t count, const std::function<void(std::span<std::byte>)>& write,
+                  const std::string& what);
+
   /// Binds it to texture unit `unit` and sampler `name` of the current program.
   void bind(const Program& program, const char* name, int unit) const;
 
@@ -123,6 +127,9 @@ class Table {
  private:
   /// Reallocates the buffer and leaves it bound.
   void allocate(std::size_t size_B, const void* texels, const std::string& what);
+
+  /// Lets `write` fill the bound buffer.
+  void map(const std::function<void(void*)>& write, const std::string& what);
 
   GLenum format_;
   std::size_t size_B_ = 0;

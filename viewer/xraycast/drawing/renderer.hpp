@@ -33,6 +33,12 @@ class Renderer {
   /// The map to draw; none: surfaces only.
   void set_map(std::shared_ptr<const BodyMap> map) { body_.set_map(std::move(map)); }
 
+  /// The instant at which a map of a body that moves is drawn: a phase for each of its modes, in the order of
+  /// its keys; phase 0 of all of them when the map is set. Without effect on a map that stands still, and
+  /// without cost where the phases are those of the last call. Throws InputError for another number of
+  /// phases.
+  void set_phases(std::span<const double> phases) { body_.set_phases(phases); }
+
   /// Throws InputError as `check` does.
   void set_surfaces(std::span<const Surface> surfaces);
 

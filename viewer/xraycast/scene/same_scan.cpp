@@ -1,6 +1,7 @@
 #include "xraycast/scene/same_scan.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <fmt/format.h>
@@ -9,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
 namespace xraycast {
 namespace {
@@ -78,13 +80,36 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const MapG
                      basis_name);
 }
 
-std::vector<std::string> notes_on_instant(const std::string& map_source, const MotionOfRequest& motion) {
-  const std::string instant = motion.suffix();
-  const bool is_at_rest =
-      std::ranges::all_of(motion.phases, [](const auto& mode) { return mode.second == 0; });
-  if (is_at_rest || map_source.find(instant) != std::string::npos) return {};
-  return {fmt::format("the map is of {}, the vessels are those of{}; cast the map at the same instant",
-                      map_source.empty() ? "an unknown instant" : map_source, instant.substr(1))};
+std::map<std::string, double> instant_of(const std::string& source) {
+  std::map<std::string, double> phases;
+  std::string_view left = source;
+  for (auto comma = left.rfind(", "); comma != std::string_view::npos; comma = left.rfind(", ")) {
+    const std::string_view words = left.substr(comma + 2);
+    const auto space = words.find(' ');
+    double phase = 0;
+    if (space == 0 || space == std::string_view::npos || !parse_whole(words.substr(space + 1), phase) ||
+        !(phase >= 0 && phase <= 1))
+      break;
+    if (phase > 0) phases[std::string(words.substr(0, space))] = phase;
+    left = left.substr(0, comma);
+  }
+  return phases;
+}
+
+void check_same_instant(const BodyMap& map, const std::string& name, const std::string& other) {
+  if (map.keys) return;
+  const auto words = [](const std::map<std::string, double>& phases) {
+    std::string all;
+    for (const auto& [mode, phase] : phases)
+      all += fmt::format("{}{} {:.3g}", all.empty() ? "" : ", ", mode, phase);
+    return all.empty() ? std::string("at rest") : "at " + all;
+  };
+  const std::string of_map = words(instant_of(map.source)), of_other = words(instant_of(other));
+  if (of_map != of_other)
+    throw InputError(
+        "{} shows the body {}, but {} is {}; give both of one instant, or a map that moves (`xraycast cast "
+        "--motion` without --phase and --time)",
+        name, of_map, other, of_other);
 }
 
 }  // namespace xraycast

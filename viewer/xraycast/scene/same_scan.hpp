@@ -1,9 +1,11 @@
 #pragma once
 
+#include "xraycast/casting/body_map.hpp"
 #include "xraycast/casting/map_geometry.hpp"
 #include "xraycast/motion/motion_request.hpp"
 #include "xraycast/volume/volume.hpp"
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -19,8 +21,12 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const Volu
 void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
                      const std::string& basis_name);
 
-/// A warning when a map, by its source, was cast at another instant of the body's motion than that of what is
-/// drawn into it; or none.
-std::vector<std::string> notes_on_instant(const std::string& map_source, const MotionOfRequest& motion);
+/// The phases by mode, those at 0 left out, that the source of a map or scan names behind it, as those of an
+/// instant do (Casting::describe): `scan.nrrd, breath 1, heart 0`. Empty for one at rest.
+std::map<std::string, double> instant_of(const std::string& source);
+
+/// Throws InputError, naming both, when a map that stands still shows the body at another instant than
+/// `other`, a scan or vessels, whose source this is.
+void check_same_instant(const BodyMap& map, const std::string& name, const std::string& other);
 
 }  // namespace xraycast

@@ -22,7 +22,7 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& session, const std::s
   check_same_scan(map->geometry, session.map.string(), basis.geometry, session.basis.string());
   RecastSession recast(opened, basis);
   auto recast_map = std::make_shared<BodyMap>(recast.recast(*session.opacity));
-  recast_map->precision = map->precision;
+  if (!recast_map->keys) recast_map->precision = map->precision;
   return recast_map;
 }
 

@@ -1,6 +1,6 @@
 #include "xraycast/window/drr_comparison.hpp"
 
-#include "xraycast/casting/comparison.hpp"
+#include "xraycast/requests/comparison.hpp"
 
 #include <cstdint>
 #include <utility>

@@ -48,7 +48,7 @@ void OpacityEditor::set_opacity(std::span<const double> mu_per_mm) {
   for (std::size_t i = 0; i < mu_per_mm.size(); ++i) knots.push_back({knots_hu()[i], mu_per_mm[i]});
   const Opacity opacity("edited", std::move(knots));
   auto edited = std::make_shared<BodyMap>(recast_->session.recast(opacity));
-  edited->precision = opened_->precision;
+  if (!edited->keys) edited->precision = opened_->precision;
   map_ = std::move(edited);
   session_.opacity = opacity;
   mu_per_mm_ = std::vector(mu_per_mm.begin(), mu_per_mm.end());

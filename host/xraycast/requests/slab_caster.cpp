@@ -1,4 +1,4 @@
-#include "xraycast/casting/slab_caster.hpp"
+#include "xraycast/requests/slab_caster.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"

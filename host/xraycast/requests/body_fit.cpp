@@ -1,4 +1,4 @@
-#include "xraycast/casting/body_fit.hpp"
+#include "xraycast/requests/body_fit.hpp"
 
 #include "xraycast/base/error.hpp"
 
@@ -113,7 +113,8 @@ double turn_of(const glm::dvec2& p) {
 }
 
 /// About the axis, in all rows at once.
-Extents around_axis(const MapGeometry& map, const OutlineFinder& finder) {
+Extents around_axis(const MapGeometry& map, const OutlineFinder& finder,
+                    std::span<const glm::dvec3> further_skin_mm) {
   Extents extents(map.width, 1);
   const double half_mm = 0.5 * glm::length(glm::dvec2(finder.skin_voxel_mm()));
   const auto add = [&](const glm::dvec3& voxel_mm) {
@@ -127,26 +128,30 @@ Extents around_axis(const MapGeometry& map, const OutlineFinder& finder) {
     finder.visit_shadow_skin(add);
   else
     finder.visit_skin(add);
+  std::ranges::for_each(further_skin_mm, add);
   extents.smooth([&](int) { return steps(kSmoothing, kTurn / map.width); }, 0);
   return extents;
 }
 
 /// About the centre of a sphere.
-Extents around_point(const MapGeometry& map, const OutlineFinder& finder) {
+Extents around_point(const MapGeometry& map, const OutlineFinder& finder,
+                     std::span<const glm::dvec3> further_skin_mm) {
   Extents extents(map.width, map.height);
   const glm::dvec3 centre_mm(map.centre_mm[0], map.centre_z_mm);
   const double half_mm = 0.5 * glm::length(finder.skin_voxel_mm()), per_row = 0.5 * kTurn / map.height;
   const auto columns_in = [&](double angle, double row) {
     return angle / std::max(1e-6, std::sin(map.theta_rad(row))) * map.width / kTurn;
   };
-  finder.visit_skin([&](const glm::dvec3& voxel_mm) {
+  const auto add = [&](const glm::dvec3& voxel_mm) {
     const glm::dvec3 p = voxel_mm - centre_mm;
     const double r = glm::length(p), seen = std::atan2(half_mm, r);
     if (r == 0) return;
     const double row = std::acos(std::clamp(p.z / r, -1.0, 1.0)) / per_row - 0.5;
     extents.add(turn_of(glm::dvec2(p)) * map.width - 0.5, row,
                 std::min(columns_in(seen, row), 1.0 * map.width), seen / per_row, r + half_mm + kMargin_mm);
-  });
+  };
+  finder.visit_skin(add);
+  std::ranges::for_each(further_skin_mm, add);
   extents.smooth(
       [&](int row) {
         return std::max(1, static_cast<int>(std::min(columns_in(kSmoothing, row), map.width / 4.0)));
@@ -157,9 +162,10 @@ Extents around_point(const MapGeometry& map, const OutlineFinder& finder) {
 
 }  // namespace
 
-MapGeometry fit_to_body(const MapGeometry& circles, const OutlineFinder& finder) {
-  Extents extents =
-      circles.ray_layout == RayLayout::sphere ? around_point(circles, finder) : around_axis(circles, finder);
+MapGeometry fit_to_body(const MapGeometry& circles, const OutlineFinder& finder,
+                        std::span<const glm::dvec3> further_skin_mm) {
+  Extents extents = circles.ray_layout == RayLayout::sphere ? around_point(circles, finder, further_skin_mm)
+                                                            : around_axis(circles, finder, further_skin_mm);
   // A circle within which there is no skin lies in the body, which then is all around it, or beside it.
   if (extents.nearest_mm() > circles.radius_mm() && !extents.are_all_around())
     throw InputError(
