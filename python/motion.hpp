@@ -5,7 +5,10 @@
 #include "scan.hpp"
 #include "xraycast/motion/motion_request.hpp"
 
+#include <map>
+#include <memory>
 #include <nanobind/nanobind.h>
+#include <string>
 
 namespace xraycast::python {
 
@@ -13,6 +16,14 @@ namespace nb = nanobind;
 
 /// As `motion`, `phase` and `time` were given; each may be None. Throws InputError as check().
 MotionRequest motion_request_of(const nb::object& motion, const nb::object& phase, const nb::object& time);
+
+/// How the body moves in a run, and its modes that are held there; see RunRequest.
+struct MotionOfRun {
+  std::shared_ptr<const Motion> motion;
+  std::map<std::string, double> phase;
+};
+/// `motion` and `phase` as they were given; each may be None. Throws InputError as read_motion.
+MotionOfRun motion_of_run(const nb::object& motion, const nb::object& phase);
 
 /// The scan at that instant, with its own and the motion's warnings.
 HeldScan moved_scan(const HeldScan& scan, const MotionRequest& request, Progress& progress);

@@ -603,9 +603,9 @@ Matrix3d LumenDistanceField::WallCurvature::matrix(const Vector3d& gradient) con
   return (sphere + transverse * transverse.transpose() / slope_change) / distance_mm;
 }
 
-Matrix3d LumenDistanceField::Sample::curvature() const {
+Matrix3d LumenDistanceField::Sample::curvature(const Vector3d& gradient_there) const {
   const WallCurvature* one = std::get_if<WallCurvature>(&wall);
-  return one ? one->matrix(gradient) : std::get<Matrix3d>(wall);
+  return one ? one->matrix(gradient_there) : std::get<Matrix3d>(wall);
 }
 
 LumenDistanceField::SearchHint LumenDistanceField::locate(const Vector3d& point_mm) const {

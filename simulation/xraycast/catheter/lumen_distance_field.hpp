@@ -48,7 +48,9 @@ class LumenDistanceField {
     /// Evaluated on demand or, where vessels meet, the matrix itself.
     std::variant<WallCurvature, Eigen::Matrix3d> wall;
     /// Minus the clearance's second derivative, per mm.
-    Eigen::Matrix3d curvature() const;
+    Eigen::Matrix3d curvature() const { return curvature(gradient); }
+    /// The same where `gradient` has been taken elsewhere: by that of this place.
+    Eigen::Matrix3d curvature(const Eigen::Vector3d& gradient_there) const;
   };
   Sample at(const Eigen::Vector3d& point_mm, const SearchHint& from) const;
 

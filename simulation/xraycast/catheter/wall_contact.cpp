@@ -7,8 +7,10 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -23,6 +25,11 @@ constexpr double kIntroducer_N_mm2 = 20, kIntroducerFade_mm = 5;
 // The wall bears twice its linear force at a depth of a fifth of its radius, a wall's strain, within limits.
 constexpr double kStiffeningStrain = 0.2, kMinStiffening_mm = 0.3, kMaxStiffening_mm = 1;
 double squared(double x) { return x * x; }
+
+// While the body moves, a contact's place in the scan is looked up each so many steps, by turns of so many
+// contacts, which share what is looked up; in between it goes on as fast. A heart's wall, which moves at some
+// 60 mm/s and turns round within a tenth of a second, leaves that by up to 0.004 mm.
+constexpr std::size_t kLookUpSteps = 4, kContactsOfTurn = 8;
 
 double stiffening_mm(const LumenDistanceField::Sample& sample) {
   return std::clamp(kStiffeningStrain * sample.radius_mm, kMinStiffening_mm, kMaxStiffening_mm);
@@ -58,11 +65,13 @@ double voronoi_length_mm(const Rod& rod, std::size_t index, std::size_t node) {
 }  // namespace
 
 WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const Rod& rod,
-                         const Options& options, const std::optional<Introducer>& introducer)
+                         const Options& options, const std::optional<Introducer>& introducer,
+                         std::shared_ptr<MovingBody> body)
     : field_(std::move(field)),
       options_(options),
       introducer_(introducer),
-      radius_mm_(rod.instrument().radius_mm()) {
+      radius_mm_(rod.instrument().radius_mm()),
+      body_(std::move(body)) {
   contacts_.reserve(contact_count(rod.max_nodes()));
   states_.reserve(contact_count(rod.max_nodes()));
   queries_.reserve(contact_count(rod.max_nodes()));
@@ -71,10 +80,14 @@ WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const 
   groups_.reserve(contact_count(rod.max_nodes()) / kContactGroup + 1);
   contacts_.resize(contact_count(rod.node_count()));
   states_.resize(contacts_.size());
+  if (body_) {
+    moving_.reserve(contact_count(rod.max_nodes()));
+    moving_.resize(contacts_.size());
+  }
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     contacts_[k].point = contact_point(k, rod.node_count());
     const Vector3d position_mm = contacts_[k].point.position_mm(rod.state());
-    states_[k].hint = field_->locate(position_mm);
+    states_[k].hint = field_->locate(in_scan_mm(k, position_mm));
     sample_wall(k, position_mm);
     states_[k].stiffening_mm = stiffening_mm(contacts_[k].sample);
   }
@@ -88,11 +101,13 @@ void WallContact::node_added() {
   state.stiffening_mm = states_.front().stiffening_mm;
   state.sampled_at_mm = states_.front().sampled_at_mm;
   states_.insert(states_.begin(), 2, state);
+  if (body_) moving_.insert(moving_.begin(), 2, MovingPoint(moving_.front()));
 }
 
 void WallContact::node_removed() {
   contacts_.erase(contacts_.begin(), contacts_.begin() + 2);
   states_.erase(states_.begin(), states_.begin() + 2);
+  if (body_) moving_.erase(moving_.begin(), moving_.begin() + 2);
 }
 
 // ---- the wall -------------------------------------------------------------------------------------------
@@ -113,13 +128,29 @@ double WallContact::introducer_energy_uJ(const Vector3d& point_mm, std::size_t i
   return stiffness_mN_mm > 0 ? 0.5 * stiffness_mN_mm * off_axis_mm(point_mm).squaredNorm() : 0;
 }
 
+/// What a contact's point shows at a place of the body.
+Vector3d WallContact::in_scan_mm(std::size_t index, const Vector3d& point_mm) {
+  if (!body_) return point_mm;
+  MovingPoint& moving = moving_[index];
+  if (is_following_) return moving.place.at(point_mm);
+  moving.place = body_->place(point_mm);
+  return moving.place.scan_mm;
+}
+
 void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
-  contacts_[index].sample = field_->at(point_mm, states_[index].hint);
-  take_sample(index, point_mm);
+  const Vector3d place_mm = in_scan_mm(index, point_mm);
+  contacts_[index].sample = field_->at(place_mm, states_[index].hint);
+  take_sample(index, place_mm);
 }
 
 void WallContact::take_sample(std::size_t index, const Vector3d& point_mm) {
   Contact& contact = contacts_[index];
+  if (body_) {
+    MovingPoint& moving = moving_[index];
+    moving.gradient = contact.sample.gradient;
+    contact.sample.clearance_mm *= moving.scale;
+    contact.sample.gradient = moving.scale * (moving.place.jacobian.transpose() * moving.gradient);
+  }
   contact.depth_mm = states_[index].is_covered ? 0 : std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
   states_[index].sampled_at_mm = point_mm;
 }
@@ -137,8 +168,9 @@ bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
   }
   const LumenDistanceField::Sample& sample = contacts_[index].sample;
   const double clear_mm = sample.clearance_mm - radius_mm_;
+  const double slope = body_ ? kMaxSlope * moving_[index].scale : kMaxSlope;
   if (sample.hint.branch == states_[index].hint.branch && clear_mm > 0 &&
-      squared(kMaxSlope) * moved_mm2 < squared(clear_mm)) {
+      squared(slope) * moved_mm2 < squared(clear_mm)) {
     contacts_[index].depth_mm = 0;
     return false;
   }
@@ -150,13 +182,100 @@ void WallContact::sample_walls(const RodState& rod) {
   queries_.clear();
   asking_.clear();
   for (const std::size_t k : acting_) {
-    const Vector3d point_mm = contacts_[k].point.position_mm(rod);
-    if (!needs_sample(k, point_mm)) continue;
-    queries_.push_back({point_mm, states_[k].hint, &contacts_[k].sample});
-    asking_.push_back(k);
+    const Vector3d place_mm = in_scan_mm(k, contacts_[k].point.position_mm(rod));
+    if (needs_sample(k, place_mm)) ask(k, place_mm);
   }
+  take_answers();
+}
+
+void WallContact::ask(std::size_t index, const Vector3d& in_scan_mm) {
+  queries_.push_back({in_scan_mm, states_[index].hint, &contacts_[index].sample});
+  asking_.push_back(index);
+}
+
+void WallContact::take_answers() {
   field_->sample(queries_);
   for (std::size_t q = 0; q < asking_.size(); ++q) take_sample(asking_[q], queries_[q].point_mm);
+}
+
+// ---- a body that moves ----------------------------------------------------------------------------------
+
+/// By which a clearance in the scan becomes one in the body: the inverse of the slope across the wall.
+double WallContact::MovingPoint::scale_now() const {
+  const double slope = (place.jacobian.transpose() * gradient).norm();
+  return slope > 0 ? gradient.norm() / slope : 1;
+}
+
+void WallContact::rescale(std::size_t index, double scale) {
+  Contact& contact = contacts_[index];
+  const double by = scale / moving_[index].scale;
+  moving_[index].scale = scale;
+  contact.sample.clearance_mm *= by;
+  contact.sample.gradient *= by;
+  if (contact.depth_mm > 0) contact.depth_mm = std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
+}
+
+/// Minus the second derivative of the clearance in the body; where the way to the scan bends, which it does
+/// over centimetres, is left out.
+Eigen::Matrix3d WallContact::curvature(std::size_t index) const {
+  const LumenDistanceField::Sample& sample = contacts_[index].sample;
+  if (!body_) return sample.curvature();
+  const MovingPoint& moving = moving_[index];
+  const Eigen::Matrix3d &jacobian = moving.place.jacobian, by_place = sample.curvature(moving.gradient);
+  return moving.scale * (jacobian.transpose() * by_place * jacobian);
+}
+
+void WallContact::follow_body(const Rod& rod) {
+  is_following_ = starts_anew_ = true;
+  ++followed_;
+  queries_.clear();
+  asking_.clear();
+  for (std::size_t k = 0; k < contacts_.size(); ++k) follow_body(rod, k);
+  take_answers();
+}
+
+/// Where the wall is out of reach, that is all; else it is shifted or, where it was not sampled as the last
+/// step ended, sampled anew.
+void WallContact::follow_body(const Rod& rod, std::size_t index) {
+  Contact& contact = contacts_[index];
+  MovingPoint& moving = moving_[index];
+  contact.point = contact_point(index, rod.node_count());
+  const Vector3d point_mm = contact.point.position_mm(rod.state()), before_mm = moving.place.at(point_mm);
+  const bool is_first = !was_following_;
+  if (is_first) moving.course = {};
+  moving.place.go_on(point_mm, moving.course);
+  const std::size_t turn = followed_ + (contacts_.size() - index) / kContactsOfTurn;
+  if (is_first || turn % kLookUpSteps == 0) {
+    const MovingBody::Place place = body_->place(point_mm);
+    if (!is_first) {
+      moving.course.moved_mm += (place.moved_mm - moving.place.moved_mm) / kLookUpSteps;
+      moving.course.jacobian += (place.jacobian - moving.place.jacobian) / kLookUpSteps;
+    }
+    moving.place = place;
+    moving.to_body = place.jacobian.inverse();
+  }
+  moving.wall_moved_mm = moving.to_body * (before_mm - moving.place.scan_mm);
+  if (!needs_sample(index, moving.place.scan_mm)) return;
+  constexpr double kSame_mm = 1e-6;
+  const bool is_sampled = (before_mm - states_[index].sampled_at_mm).squaredNorm() < squared(kSame_mm);
+  if (is_sampled && !states_[index].is_covered)
+    shift_wall(index);
+  else
+    ask(index, moving.place.scan_mm);
+}
+
+/// To second order, without another sample: what the wall's material brings is as far from the rod as that
+/// lay from it before.
+void WallContact::shift_wall(std::size_t index) {
+  Contact& contact = contacts_[index];
+  const MovingPoint& moving = moving_[index];
+  LumenDistanceField::Sample& sample = contact.sample;
+  rescale(index, moving.scale_now());
+  sample.gradient = moving.scale * (moving.place.jacobian.transpose() * moving.gradient);
+  const Vector3d turned = curvature(index) * moving.wall_moved_mm;
+  sample.clearance_mm -= (sample.gradient + 0.5 * turned).dot(moving.wall_moved_mm);
+  sample.gradient += turned;
+  contact.depth_mm = std::max(0.0, radius_mm_ - sample.clearance_mm);
 }
 
 Vector3d WallContact::off_axis_mm(const Vector3d& point_mm) const {
@@ -194,11 +313,13 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index, double bare_m
   const double inside = fraction_inside(rod, contact.point);
   state.introducer_mN_mm =
       kIntroducer_N_mm2 / kMilli * state.voronoi_length_mm * inside * inside * (3 - 2 * inside);
-  state.start_mm = contact.point.position_mm(rod.state());
+  state.start_mm = state.anchor_mm = contact.point.position_mm(rod.state());
+  if (is_following_) state.anchor_mm += moving_[index].wall_moved_mm;
   state.introducer_uJ = introducer_energy_uJ(state.start_mm, index);
   update_hint(index);
   // What was sampled within another instrument has no depth.
   if (had_no_depth && !state.is_covered) sample_wall(index, state.start_mm);
+  if (body_ && !is_following_) hold_scale(index);
   if (contact.depth_mm > 0) return begin_friction(rod.state().edges[contact.point.edge].tangent, index);
   state.friction.limit_mN = 0;
   // The step may begin again, and uncover it.
@@ -239,8 +360,15 @@ void WallContact::update_hint(std::size_t index) {
     state.hint = contacts_[index - 1].sample.hint;
   if (state.hint.branch != branch_before)
     sample_wall(index, state.start_mm);
-  else if (needs_sample(index, state.start_mm))
+  else if (!starts_anew_ && needs_sample(index, in_scan_mm(index, state.start_mm)))
     sample_wall(index, state.start_mm);
+}
+
+/// In a body that is held, for as long as a contact lasts, but for what makes it less deep: what made it
+/// deeper would make energy.
+void WallContact::hold_scale(std::size_t index) {
+  const double now = moving_[index].scale_now();
+  if (contacts_[index].depth_mm == 0 || now > moving_[index].scale) rescale(index, now);
 }
 
 void WallContact::begin_friction(const Vector3d& rod_tangent, std::size_t index) {
@@ -287,7 +415,7 @@ void WallContact::add_to_group(std::size_t index, RubbingGroup& group) const {
     group.limit_mN[k] = state.friction.limit_mN;
     group.start_along_mm[k] = state.start_slip_mm[0];
     group.start_around_mm[k] = state.start_slip_mm[1];
-    set_lane(state.start_mm, k, group.start_mm);
+    set_lane(state.anchor_mm, k, group.anchor_mm);
     set_lane(state.t1, k, group.t1);
     set_lane(state.t2, k, group.t2);
   }
@@ -298,7 +426,7 @@ void WallContact::add_to_group(std::size_t index, RubbingGroup& group) const {
 Vector2d WallContact::slip_mm(const RodState& rod, std::size_t index) const {
   const FrictionState& state = states_[index];
   const RodPoint& point = contacts_[index].point;
-  const Vector3d moved = point.position_mm(rod) - state.start_mm;
+  const Vector3d moved = point.position_mm(rod) - state.anchor_mm;
   return {state.start_slip_mm[0] + moved.dot(state.t1),
           state.start_slip_mm[1] + moved.dot(state.t2) + radius_mm_ * point.theta_rad(rod)};
 }
@@ -312,7 +440,7 @@ struct WallContact::GroupFriction {
                         end_mm = positions_mm(rod, group.edges, 1);
     const Triple<Lanes> moved =
         (lanes_of(group.start_weights) * start_mm + lanes_of(group.end_weights) * end_mm) -
-        triple_of(group.start_mm);
+        triple_of(group.anchor_mm);
     Lanes theta_rad, next_theta_rad;
     const std::size_t last = rod.thetas_rad.size() - 1;
     for (std::size_t k = 0; k < kContactGroup; ++k) {
@@ -338,7 +466,7 @@ double WallContact::friction_uJ(const RodState& rod) const {
 }
 
 double WallContact::energy_uJ(const RodState& rod) {
-  sample_walls(rod);
+  if (!std::exchange(starts_anew_, false)) sample_walls(rod);
   double energy = friction_uJ(rod);
   for (const std::size_t k : acting_) {
     FrictionState& state = states_[k];
@@ -386,7 +514,7 @@ struct WallContact::Derivatives {
     const Vector3d& inward = contact.sample.gradient;
     of.gradient -= force_mN * lanes_of(inward);
     // The normal force turns as the point moves along a curved wall.
-    Eigen::Matrix3d wall = stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature();
+    Eigen::Matrix3d wall = stiffness * inward * inward.transpose() + force_mN * curvature(index);
     if (project_psd) wall = projected_psd(wall);
     add_matrix(wall, of.hessian);
   }
@@ -435,6 +563,7 @@ void WallContact::end_step(const RodState& rod) {
       contact.introducer_N = -kMilli * state.introducer_mN_mm * off_axis_mm(contact.point.position_mm(rod));
     contact.friction_N.setZero();
     state.stick_mm.setZero();
+    if (is_following_) work_uJ_ += contact.normal_N.dot(moving_[k].wall_moved_mm) / kMilli;
     if (!state.friction.is_active()) continue;
 
     // Where it slipped in the last step, the limit was the kinetic one already.
@@ -443,8 +572,12 @@ void WallContact::end_step(const RodState& rod) {
     contact.slips = returned.slips;
     contact.friction_N = kMilli * (returned.force_mN[0] * state.t1 + returned.force_mN[1] * state.t2);
     state.stick_mm = returned.displacement_mm[0] * state.t1 + returned.displacement_mm[1] * state.t2;
+    if (is_following_) work_uJ_ += contact.friction_N.dot(moving_[k].wall_moved_mm) / kMilli;
   }
+  was_following_ = std::exchange(is_following_, false);
 }
+
+double WallContact::work_J() const { return kMicro * work_uJ_; }
 
 double WallContact::energy_J() const { return kMicro * stored_uJ(); }
 
