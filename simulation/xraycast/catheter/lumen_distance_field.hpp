@@ -38,6 +38,8 @@ class LumenDistanceField {
     double slope_change;  ///< second derivative of the clearance along the centreline; below zero but at a
                           ///< bend's focus
     Eigen::Matrix3d matrix(const Eigen::Vector3d& gradient) const;
+    /// That times a vector.
+    Eigen::Vector3d times(const Eigen::Vector3d& gradient, const Eigen::Vector3d& vector) const;
   };
   struct Sample {
     double clearance_mm = 0;            ///< to the wall; below zero outside
@@ -48,9 +50,7 @@ class LumenDistanceField {
     /// Evaluated on demand or, where vessels meet, the matrix itself.
     std::variant<WallCurvature, Eigen::Matrix3d> wall;
     /// Minus the clearance's second derivative, per mm.
-    Eigen::Matrix3d curvature() const { return curvature(gradient); }
-    /// The same where `gradient` has been taken elsewhere: by that of this place.
-    Eigen::Matrix3d curvature(const Eigen::Vector3d& gradient_there) const;
+    Eigen::Matrix3d curvature() const;
   };
   Sample at(const Eigen::Vector3d& point_mm, const SearchHint& from) const;
 

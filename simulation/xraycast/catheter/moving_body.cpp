@@ -11,7 +11,7 @@
 namespace xraycast {
 namespace {
 
-using Eigen::Matrix3d, Eigen::Vector3d;
+using Eigen::Vector3d;
 using CellIndex = std::array<std::int64_t, 3>;
 
 constexpr double kCellsPer_mm = 1 / MovingBody::kNode_mm;
@@ -30,7 +30,7 @@ std::size_t slot_of(std::uint64_t number, std::size_t slots) {
 }
 
 /// Not what is no number, too.
-bool is_within_reach(const Vector3d& place_mm) {
+[[gnu::always_inline]] inline bool is_within_reach(const Lanes& place_mm) {
   constexpr double kReach_mm = MovingBody::kNode_mm * (kFarthest - 1);
   return std::abs(place_mm[0]) < kReach_mm && std::abs(place_mm[1]) < kReach_mm &&
          std::abs(place_mm[2]) < kReach_mm;
@@ -189,11 +189,11 @@ struct MovingBody::Found {
   }
 };
 
-[[gnu::always_inline]] inline MovingBody::Found MovingBody::found(Mode& mode, const Vector3d& place_mm) {
-  const Vector3d nodes = kCellsPer_mm * place_mm;
+template <typename Lanes>
+[[gnu::always_inline]] inline MovingBody::Found MovingBody::found(Mode& mode, const Lanes& place_mm) {
+  const Lanes nodes = kCellsPer_mm * place_mm;
   CellIndex at;
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    at[axis] = static_cast<std::int64_t>(std::floor(nodes[static_cast<Eigen::Index>(axis)]));
+  for (std::size_t axis = 0; axis < 3; ++axis) at[axis] = static_cast<std::int64_t>(std::floor(nodes[axis]));
   const std::uint64_t number = number_of(at);
   Cell& cell = mode.cells[slot_of(number, kCells)];
   if (cell.number != number || cell.instant != instant_) find(mode, cell, number, at);
@@ -203,22 +203,24 @@ struct MovingBody::Found {
 
 XRAYCAST_WIDE_VECTORS
 MovingBody::Place MovingBody::place(const Vector3d& body_mm) {
-  Place place{body_mm, body_mm};
+  std::array<Lanes, 3> columns{Lanes{1, 0, 0, 0}, Lanes{0, 1, 0, 0}, Lanes{0, 0, 1, 0}};
+  Lanes scan_mm{body_mm[0], body_mm[1], body_mm[2], 0}, moved_mm{};
   for (Mode& mode : modes_) {
-    if (mode.is_still) continue;
-    if (!is_within_reach(place.scan_mm)) return place;
-    const Found found = this->found(mode, place.scan_mm);
+    if (mode.is_still || !is_within_reach(scan_mm)) continue;
+    const Found found = this->found(mode, scan_mm);
     if (!found.cell->corner) continue;
-    Matrix3d jacobian = Matrix3d::Identity();
     const std::array<Lanes, 3> slopes = found.slopes();
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      for (std::size_t k = 0; k < 3; ++k)
-        jacobian(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(axis)) += slopes[axis][k];
-    const Lanes d_mm = found.at(found.cell->terms_mm), moved_mm = found.at(found.cell->moved_mm);
-    place.jacobian = jacobian * place.jacobian;
-    place.moved_mm = jacobian * place.moved_mm + Vector3d(moved_mm[0], moved_mm[1], moved_mm[2]);
-    place.scan_mm += Vector3d(d_mm[0], d_mm[1], d_mm[2]);
+    const auto taken_along = [&slopes](const Lanes& way) __attribute__((always_inline)) {
+      return way + (way[0] * slopes[0] + way[1] * slopes[1] + way[2] * slopes[2]);
+    };
+    for (Lanes& column : columns) column = taken_along(column);
+    moved_mm = taken_along(moved_mm) + found.at(found.cell->moved_mm);
+    scan_mm += found.at(found.cell->terms_mm);
   }
+  Place place;
+  store(place.scan_mm.data(), scan_mm);
+  store(place.moved_mm.data(), moved_mm);
+  for (std::size_t axis = 0; axis < 3; ++axis) store(place.jacobian[axis].data(), columns[axis]);
   return place;
 }
 

@@ -34,25 +34,12 @@ class MovingBody {
   const Motion& motion() const { return *motion_; }
   const std::vector<double>& phases() const { return phases_; }  ///< one a mode
 
-  /// Of the body about `body_mm`: what is seen at x lies at at(x) in the scan.
+  /// Of the body about `body_mm`: what is seen at x lies at scan_mm + jacobian * (x - body_mm) in the scan.
+  /// Vectors have a fourth number, 0, as the processor's do.
   struct Place {
-    Eigen::Vector3d body_mm{0, 0, 0}, scan_mm{0, 0, 0};
-    Eigen::Matrix3d jacobian = Eigen::Matrix3d::Identity();
-    Eigen::Vector3d moved_mm{0, 0, 0};  ///< scan_mm, from the instant before to this one
-
-    /// How moved_mm and the jacobian change in a step.
-    struct Course {
-      Eigen::Vector3d moved_mm{0, 0, 0};
-      Eigen::Matrix3d jacobian = Eigen::Matrix3d::Zero();
-    };
-    /// To x, a step later.
-    void go_on(const Eigen::Vector3d& x_mm, const Course& course) {
-      moved_mm += course.moved_mm;
-      jacobian += course.jacobian;
-      scan_mm = at(x_mm) + moved_mm;
-      body_mm = x_mm;
-    }
-    Eigen::Vector3d at(const Eigen::Vector3d& x_mm) const { return scan_mm + jacobian * (x_mm - body_mm); }
+    using Column = std::array<double, 4>;
+    Column scan_mm, moved_mm;        ///< the latter since the instant before
+    std::array<Column, 3> jacobian;  ///< by columns
   };
   Place place(const Eigen::Vector3d& body_mm);
 
@@ -87,7 +74,8 @@ class MovingBody {
   static Brick filled(const Mode& mode, const std::array<std::int64_t, 3>& brick);
   void find(Mode& mode, Cell& cell, std::uint64_t number, const std::array<std::int64_t, 3>& at);
   void blend(const Mode& mode, Cell& cell) const;
-  Found found(Mode& mode, const Eigen::Vector3d& place_mm);
+  template <typename Lanes>
+  Found found(Mode& mode, const Lanes& place_mm);
   std::shared_ptr<const Motion> motion_;
   std::vector<double> phases_;
   std::vector<Mode> modes_;

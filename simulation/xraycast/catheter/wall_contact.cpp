@@ -7,7 +7,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -29,7 +28,7 @@ double squared(double x) { return x * x; }
 // While the body moves, a contact's place in the scan is looked up each so many steps, by turns of so many
 // contacts, which share what is looked up; in between it goes on as fast. A heart's wall, which moves at some
 // 60 mm/s and turns round within a tenth of a second, leaves that by up to 0.004 mm.
-constexpr std::size_t kLookUpSteps = 4, kContactsOfTurn = 8;
+constexpr std::size_t kLookUpSteps = 8, kContactsOfTurn = 8;
 
 double stiffening_mm(const LumenDistanceField::Sample& sample) {
   return std::clamp(kStiffeningStrain * sample.radius_mm, kMinStiffening_mm, kMaxStiffening_mm);
@@ -44,6 +43,28 @@ Eigen::Matrix3d projected_psd(const Eigen::Matrix3d& matrix) {
 }
 
 [[gnu::always_inline]] inline Lanes lanes_of(const Vector3d& v) { return Lanes{0, v[0], v[1], v[2]}; }
+
+// Vectors of three with a fourth number, 0, and matrices by columns of them: of a body that moves.
+using Column = std::array<double, kLanes>;
+using Columns = std::array<Column, 3>;
+[[gnu::always_inline]] inline Lanes padded(const Vector3d& v) { return Lanes{v[0], v[1], v[2], 0}; }
+[[gnu::always_inline]] inline Vector3d unpadded(const Lanes& v) { return {v[0], v[1], v[2]}; }
+[[gnu::always_inline]] inline Lanes times(const Columns& matrix, const Lanes& v) {
+  return v[0] * load(matrix[0].data()) + v[1] * load(matrix[1].data()) + v[2] * load(matrix[2].data());
+}
+[[gnu::always_inline]] inline Lanes transposed_times(const Columns& matrix, const Vector3d& v) {
+  const std::array<Lanes, kLanes> rows = transposed(load(matrix[0].data()), load(matrix[1].data()),
+                                                    load(matrix[2].data()), Lanes{});
+  return v[0] * rows[0] + v[1] * rows[1] + v[2] * rows[2];
+}
+/// Of its inverse, from its columns.
+Columns inverse_rows(const Columns& matrix) {
+  const Vector3d a(matrix[0].data()), b(matrix[1].data()), c(matrix[2].data());
+  const Vector3d bc = b.cross(c), ca = c.cross(a), ab = a.cross(b);
+  const double by = 1 / a.dot(bc);
+  return {Column{by * bc[0], by * bc[1], by * bc[2], 0}, Column{by * ca[0], by * ca[1], by * ca[2], 0},
+          Column{by * ab[0], by * ab[1], by * ab[2], 0}};
+}
 [[gnu::always_inline]] inline void add_matrix(const Eigen::Matrix3d& matrix, std::array<Lanes, kLanes>& to) {
   for (Eigen::Index c = 0; c < 3; ++c) to[static_cast<std::size_t>(c) + 1] += lanes_of(matrix.col(c));
 }
@@ -100,6 +121,7 @@ void WallContact::node_added() {
   state.hint = states_.front().hint;
   state.stiffening_mm = states_.front().stiffening_mm;
   state.sampled_at_mm = states_.front().sampled_at_mm;
+  state.scale = states_.front().scale;
   states_.insert(states_.begin(), 2, state);
   if (body_) moving_.insert(moving_.begin(), 2, MovingPoint(moving_.front()));
 }
@@ -129,12 +151,12 @@ double WallContact::introducer_energy_uJ(const Vector3d& point_mm, std::size_t i
 }
 
 /// What a contact's point shows at a place of the body.
-Vector3d WallContact::in_scan_mm(std::size_t index, const Vector3d& point_mm) {
+[[gnu::always_inline]] inline Vector3d WallContact::in_scan_mm(std::size_t index, const Vector3d& point_mm) {
   if (!body_) return point_mm;
   MovingPoint& moving = moving_[index];
-  if (is_following_) return moving.place.at(point_mm);
-  moving.place = body_->place(point_mm);
-  return moving.place.scan_mm;
+  if (!is_following_) look_up(index, point_mm, false);
+  return unpadded(load(moving.scan_mm.data()) +
+                  times(moving.jacobian, padded(point_mm) - load(moving.body_mm.data())));
 }
 
 void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
@@ -143,13 +165,14 @@ void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
   take_sample(index, place_mm);
 }
 
-void WallContact::take_sample(std::size_t index, const Vector3d& point_mm) {
+[[gnu::always_inline]] inline void WallContact::take_sample(std::size_t index, const Vector3d& point_mm) {
   Contact& contact = contacts_[index];
   if (body_) {
     MovingPoint& moving = moving_[index];
+    const double scale = states_[index].scale;
     moving.gradient = contact.sample.gradient;
-    contact.sample.clearance_mm *= moving.scale;
-    contact.sample.gradient = moving.scale * (moving.place.jacobian.transpose() * moving.gradient);
+    contact.sample.clearance_mm *= scale;
+    contact.sample.gradient = scale * unpadded(transposed_times(moving.jacobian, moving.gradient));
   }
   contact.depth_mm = states_[index].is_covered ? 0 : std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
   states_[index].sampled_at_mm = point_mm;
@@ -168,7 +191,7 @@ bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
   }
   const LumenDistanceField::Sample& sample = contacts_[index].sample;
   const double clear_mm = sample.clearance_mm - radius_mm_;
-  const double slope = body_ ? kMaxSlope * moving_[index].scale : kMaxSlope;
+  const double slope = kMaxSlope * states_[index].scale;
   if (sample.hint.branch == states_[index].hint.branch && clear_mm > 0 &&
       squared(slope) * moved_mm2 < squared(clear_mm)) {
     contacts_[index].depth_mm = 0;
@@ -178,6 +201,7 @@ bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
 }
 
 /// Samples the wall at all points that need it at once.
+XRAYCAST_WIDE_VECTORS
 void WallContact::sample_walls(const RodState& rod) {
   queries_.clear();
   asking_.clear();
@@ -193,6 +217,7 @@ void WallContact::ask(std::size_t index, const Vector3d& in_scan_mm) {
   asking_.push_back(index);
 }
 
+XRAYCAST_WIDE_VECTORS
 void WallContact::take_answers() {
   field_->sample(queries_);
   for (std::size_t q = 0; q < asking_.size(); ++q) take_sample(asking_[q], queries_[q].point_mm);
@@ -201,15 +226,17 @@ void WallContact::take_answers() {
 // ---- a body that moves ----------------------------------------------------------------------------------
 
 /// By which a clearance in the scan becomes one in the body: the inverse of the slope across the wall.
-double WallContact::MovingPoint::scale_now() const {
-  const double slope = (place.jacobian.transpose() * gradient).norm();
-  return slope > 0 ? gradient.norm() / slope : 1;
+double WallContact::scale_now(std::size_t index) const {
+  const MovingPoint& moving = moving_[index];
+  const Lanes by_body = transposed_times(moving.jacobian, moving.gradient);
+  const double slope2 = sum(by_body * by_body);
+  return slope2 > 0 ? std::sqrt(moving.gradient.squaredNorm() / slope2) : 1;
 }
 
 void WallContact::rescale(std::size_t index, double scale) {
   Contact& contact = contacts_[index];
-  const double by = scale / moving_[index].scale;
-  moving_[index].scale = scale;
+  const double by = scale / states_[index].scale;
+  states_[index].scale = scale;
   contact.sample.clearance_mm *= by;
   contact.sample.gradient *= by;
   if (contact.depth_mm > 0) contact.depth_mm = std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
@@ -217,14 +244,34 @@ void WallContact::rescale(std::size_t index, double scale) {
 
 /// Minus the second derivative of the clearance in the body; where the way to the scan bends, which it does
 /// over centimetres, is left out.
-Eigen::Matrix3d WallContact::curvature(std::size_t index) const {
+[[gnu::always_inline]] inline Eigen::Matrix3d WallContact::curvature(std::size_t index) const {
   const LumenDistanceField::Sample& sample = contacts_[index].sample;
   if (!body_) return sample.curvature();
-  const MovingPoint& moving = moving_[index];
-  const Eigen::Matrix3d &jacobian = moving.place.jacobian, by_place = sample.curvature(moving.gradient);
-  return moving.scale * (jacobian.transpose() * by_place * jacobian);
+  const Columns& jacobian = moving_[index].jacobian;
+  const double scale = states_[index].scale;
+  const auto* one = std::get_if<LumenDistanceField::WallCurvature>(&sample.wall);
+  Columns curved;
+  if (one) {
+    // As WallCurvature::matrix.
+    const Lanes across = transposed_times(jacobian, moving_[index].gradient),
+                along = transposed_times(jacobian, one->transverse);
+    const double by_along = one->slope_change < 0 ? 1 / one->slope_change : 0;
+    for (std::size_t c = 0; c < 3; ++c)
+      store(curved[c].data(), (scale / one->distance_mm) *
+                                  (transposed_times(jacobian, Vector3d(jacobian[c].data())) -
+                                   across[c] * across + (by_along * along[c]) * along));
+  } else {
+    const auto& in_scan = std::get<Eigen::Matrix3d>(sample.wall);
+    for (std::size_t c = 0; c < 3; ++c)
+      store(curved[c].data(),
+            scale * transposed_times(jacobian, Vector3d(in_scan * Vector3d(jacobian[c].data()))));
+  }
+  Eigen::Matrix3d matrix;
+  for (std::size_t c = 0; c < 3; ++c) matrix.col(static_cast<Eigen::Index>(c)) = Vector3d(curved[c].data());
+  return matrix;
 }
 
+XRAYCAST_WIDE_VECTORS
 void WallContact::follow_body(const Rod& rod) {
   is_following_ = starts_anew_ = true;
   ++followed_;
@@ -236,45 +283,76 @@ void WallContact::follow_body(const Rod& rod) {
 
 /// Where the wall is out of reach, that is all; else it is shifted or, where it was not sampled as the last
 /// step ended, sampled anew.
-void WallContact::follow_body(const Rod& rod, std::size_t index) {
+[[gnu::always_inline]] inline void WallContact::follow_body(const Rod& rod, std::size_t index) {
   Contact& contact = contacts_[index];
   MovingPoint& moving = moving_[index];
   contact.point = contact_point(index, rod.node_count());
-  const Vector3d point_mm = contact.point.position_mm(rod.state()), before_mm = moving.place.at(point_mm);
-  const bool is_first = !was_following_;
-  if (is_first) moving.course = {};
-  moving.place.go_on(point_mm, moving.course);
+  const Vector3d point_mm = contact.point.position_mm(rod.state());
+  const Lanes off_mm = padded(point_mm) - load(moving.body_mm.data()),
+              before_mm = load(moving.scan_mm.data()) + times(moving.jacobian, off_mm);
   const std::size_t turn = followed_ + (contacts_.size() - index) / kContactsOfTurn;
-  if (is_first || turn % kLookUpSteps == 0) {
-    const MovingBody::Place place = body_->place(point_mm);
-    if (!is_first) {
-      moving.course.moved_mm += (place.moved_mm - moving.place.moved_mm) / kLookUpSteps;
-      moving.course.jacobian += (place.jacobian - moving.place.jacobian) / kLookUpSteps;
-    }
-    moving.place = place;
-    moving.to_body = place.jacobian.inverse();
+  if (!was_following_) {
+    moving.moved_change_mm = {};
+    moving.jacobian_change = {};
+    look_up(index, point_mm, false);
+  } else {
+    add_to(moving.moved_mm.data(), load(moving.moved_change_mm.data()));
+    for (std::size_t c = 0; c < 3; ++c)
+      add_to(moving.jacobian[c].data(), load(moving.jacobian_change[c].data()));
+    store(moving.scan_mm.data(),
+          load(moving.scan_mm.data()) + times(moving.jacobian, off_mm) + load(moving.moved_mm.data()));
+    store(moving.body_mm.data(), padded(point_mm));
+    if (turn % kLookUpSteps == 0) look_up(index, point_mm, true);
   }
-  moving.wall_moved_mm = moving.to_body * (before_mm - moving.place.scan_mm);
-  if (!needs_sample(index, moving.place.scan_mm)) return;
+  const Lanes by_mm = before_mm - load(moving.scan_mm.data());
+  moving.wall_moved_mm = unpadded(transposed_times(moving.to_body, unpadded(by_mm)));
+  const Vector3d place_mm = unpadded(load(moving.scan_mm.data()));
+  if (!needs_sample(index, place_mm)) return;
   constexpr double kSame_mm = 1e-6;
-  const bool is_sampled = (before_mm - states_[index].sampled_at_mm).squaredNorm() < squared(kSame_mm);
+  const bool is_sampled =
+      (unpadded(before_mm) - states_[index].sampled_at_mm).squaredNorm() < squared(kSame_mm);
   if (is_sampled && !states_[index].is_covered)
-    shift_wall(index);
+    shift_wall(index, unpadded(by_mm));
   else
-    ask(index, moving.place.scan_mm);
+    ask(index, place_mm);
 }
 
-/// To second order, without another sample: what the wall's material brings is as far from the rod as that
-/// lay from it before.
-void WallContact::shift_wall(std::size_t index) {
+/// `goes_on`: what it has become by its course so far corrects that.
+void WallContact::look_up(std::size_t index, const Vector3d& point_mm, bool goes_on) {
+  MovingPoint& moving = moving_[index];
+  const MovingBody::Place place = body_->place(point_mm);
+  if (goes_on) {
+    const Lanes share = all<Lanes>(1.0 / kLookUpSteps);
+    const auto correct = [share](Column& change, const Column& is, const Column& became)
+        __attribute__((always_inline)) {
+      add_to(change.data(), share * (load(is.data()) - load(became.data())));
+    };
+    correct(moving.moved_change_mm, place.moved_mm, moving.moved_mm);
+    for (std::size_t c = 0; c < 3; ++c)
+      correct(moving.jacobian_change[c], place.jacobian[c], moving.jacobian[c]);
+  }
+  store(moving.body_mm.data(), padded(point_mm));
+  moving.scan_mm = place.scan_mm;
+  moving.moved_mm = place.moved_mm;
+  moving.jacobian = place.jacobian;
+  if (is_following_) moving.to_body = inverse_rows(place.jacobian);
+}
+
+/// To second order, without another sample: what the wall's material brings, which is `moved_mm` away in the
+/// scan, is as far from the rod as that lay from it before.
+void WallContact::shift_wall(std::size_t index, const Vector3d& moved_mm) {
   Contact& contact = contacts_[index];
   const MovingPoint& moving = moving_[index];
   LumenDistanceField::Sample& sample = contact.sample;
-  rescale(index, moving.scale_now());
-  sample.gradient = moving.scale * (moving.place.jacobian.transpose() * moving.gradient);
-  const Vector3d turned = curvature(index) * moving.wall_moved_mm;
-  sample.clearance_mm -= (sample.gradient + 0.5 * turned).dot(moving.wall_moved_mm);
-  sample.gradient += turned;
+  const auto* one = std::get_if<LumenDistanceField::WallCurvature>(&sample.wall);
+  const Vector3d turned = one ? one->times(moving.gradient, moved_mm)
+                              : Vector3d(std::get<Eigen::Matrix3d>(sample.wall) * moved_mm);
+  const double in_scan_mm =
+      sample.clearance_mm / states_[index].scale - (moving.gradient + 0.5 * turned).dot(moved_mm);
+  const double scale = states_[index].scale = scale_now(index);
+  sample.clearance_mm = scale * in_scan_mm;
+  sample.gradient =
+      scale * unpadded(transposed_times(moving.jacobian, Vector3d(moving.gradient + turned)));
   contact.depth_mm = std::max(0.0, radius_mm_ - sample.clearance_mm);
 }
 
@@ -367,8 +445,8 @@ void WallContact::update_hint(std::size_t index) {
 /// In a body that is held, for as long as a contact lasts, but for what makes it less deep: what made it
 /// deeper would make energy.
 void WallContact::hold_scale(std::size_t index) {
-  const double now = moving_[index].scale_now();
-  if (contacts_[index].depth_mm == 0 || now > moving_[index].scale) rescale(index, now);
+  const double now = scale_now(index);
+  if (contacts_[index].depth_mm == 0 || now > states_[index].scale) rescale(index, now);
 }
 
 void WallContact::begin_friction(const Vector3d& rod_tangent, std::size_t index) {

@@ -7,6 +7,7 @@
 #include "xraycast/mechanics/rod.hpp"
 
 #include <Eigen/Core>
+#include <array>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -105,19 +106,25 @@ class WallContact final : public ExternalPotential {
     Eigen::Vector2d start_slip_mm{0, 0};       ///< the same in t1, t2, as the step begins
     double introducer_mN_mm = 0, introducer_uJ = 0;
     Eigen::Vector3d sampled_at_mm{0, 0, 0};  ///< in the scan
+    double scale = 1;          ///< of the body's clearance by the scan's
     bool is_covered = false;   ///< by another instrument
     bool was_covered = false;  ///< as the last step ended
   };
-  /// What a contact needs to know of the body that moves.
+  /// What a contact needs to know of the body that moves. Vectors have a fourth number, 0; matrices are
+  /// columns of them.
   struct MovingPoint {
-    MovingBody::Place place;  ///< about the point, as the step ends
-    MovingBody::Place::Course course;  ///< by which that goes on from step to step
-    Eigen::Matrix3d to_body = Eigen::Matrix3d::Identity();  ///< the inverse of its jacobian
-    Eigen::Vector3d gradient{0, 0, 0};                      ///< of the clearance in the scan
-    double scale = 1;                                       ///< of the body's clearance by the scan's
-    Eigen::Vector3d wall_moved_mm{0, 0, 0};                 ///< of the wall's material, in the step
-
-    double scale_now() const;
+    using Column = std::array<double, 4>;
+    using Columns = std::array<Column, 3>;
+    /// About the point, as the step ends: see MovingBody::Place.
+    Column body_mm{}, scan_mm{};
+    Columns jacobian{};
+    Eigen::Vector3d gradient{0, 0, 0};       ///< of the clearance in the scan
+    Eigen::Vector3d wall_moved_mm{0, 0, 0};  ///< of the wall's material, in the step
+    Column moved_mm{};
+    /// By how much that and the jacobian change from step to step.
+    Column moved_change_mm{};
+    Columns jacobian_change{};
+    Columns to_body{};  ///< the inverse of the jacobian when it was looked up, by rows
   };
   /// Four contacts whose friction is evaluated at once. Those beyond `count` repeat the first one.
   struct RubbingGroup {
@@ -135,7 +142,9 @@ class WallContact final : public ExternalPotential {
   void take_sample(std::size_t index, const Eigen::Vector3d& in_scan_mm);
   bool needs_sample(std::size_t index, const Eigen::Vector3d& in_scan_mm);
   void follow_body(const Rod& rod, std::size_t index);
-  void shift_wall(std::size_t index);
+  void shift_wall(std::size_t index, const Eigen::Vector3d& moved_mm);
+  void look_up(std::size_t index, const Eigen::Vector3d& point_mm, bool goes_on);
+  double scale_now(std::size_t index) const;
   void rescale(std::size_t index, double scale);
   Eigen::Matrix3d curvature(std::size_t index) const;
   void sample_walls(const RodState& state);

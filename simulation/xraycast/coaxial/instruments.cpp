@@ -3,8 +3,9 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/mechanics/vectors.hpp"
 
+#include <glm/matrix.hpp>
+
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 
 namespace xraycast {
@@ -43,7 +44,8 @@ VesselEnd in_body(VesselEnd end, MovingBody* body) {
   if (!body) return end;
   const HeldMotion held = body->motion().held_at(body->phases());
   end.position_mm = to_eigen(held.inverse_mm(to_glm(end.position_mm)).x_mm);
-  end.outward = (body->place(end.position_mm).jacobian.inverse() * end.outward).normalized();
+  const glm::dvec3 outward = glm::inverse(held.jacobian(to_glm(end.position_mm))) * to_glm(end.outward);
+  end.outward = to_eigen(outward).normalized();
   return end;
 }
 
