@@ -37,8 +37,9 @@ std::shared_ptr<const Displacement> waves(double most_mm, const ShareAt& share_a
   for (std::int64_t n = 0; n < field.grid.nodes(); ++n) {
     const double x = -kAside_mm + kNode_mm * static_cast<double>(n % aside),
                  z = -kAside_mm + kNode_mm * static_cast<double>(n / (aside * aside));
-    field.vectors.emplace_back(most_mm * share_at(z) *
-                               glm::dvec3(std::sin(z / 32), std::cos(z / 25 + x / 40), 0.5 * std::sin(z / 28)));
+    field.vectors.emplace_back(
+        most_mm * share_at(z) *
+        glm::dvec3(std::sin(z / 32), std::cos(z / 25 + x / 40), 0.5 * std::sin(z / 28)));
   }
   return field_of(std::move(field), "waves");
 }
@@ -48,8 +49,7 @@ Instruments in_vessel(std::size_t instruments, double spacing_mm, std::shared_pt
   std::vector<InstrumentModel> models{InstrumentModel::named("cobra-5f"),
                                       InstrumentModel::named("guidewire-035-angled")};
   models.erase(models.begin() + static_cast<std::ptrdiff_t>(instruments), models.end());
-  return {vessel, models, most_inferior_end(vessel),
-          {.spacing_mm = spacing_mm, .motion = std::move(motion)}};
+  return {vessel, models, most_inferior_end(vessel), {.spacing_mm = spacing_mm, .motion = std::move(motion)}};
 }
 
 /// Of so many steps that the hubs reverse several times.
@@ -64,9 +64,10 @@ double p999_ms(InstrumentSteps& steps) {
 }  // namespace
 
 std::shared_ptr<const Motion> breath_and_heart() {
-  constexpr double kBreath_mm = 8, kHeart_mm = 10, kBreath_s = 4, kBeat_s = 60.0 / 70;
+  constexpr double kBreath_mm = 8, kHeart_mm = 8, kBreath_s = 4, kBeat_s = 60.0 / 70;
   constexpr int kKeys = 10;
-  // The entry rests. A heart is some 10 cm wide.
+  // The entry rests. A heart is some 10 cm wide, and takes the coronary arteries of the phantom along by some
+  // 8 mm.
   const auto breathes = [](double z) { return std::clamp(z / 200, 0.0, 1.0); };
   const auto beats = [](double z) {
     constexpr double kMiddle_mm = 430, kReach_mm = 60;

@@ -212,6 +212,8 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
   if (!options.cine.empty()) request.injection = parse_injection(options.injection);
   invocation.say(check(request));
   if (request.motion) invocation.say(request.motion->warnings());
+  if (request.motion && !options.cine.empty())
+    invocation.say({"--cine shows body and vessels at rest; only the instruments move"});
 
   const Stopwatch stopwatch;
   std::optional<Cine> cine;

@@ -41,7 +41,7 @@ class HeldInstruments {
   explicit HeldInstruments(const RunRequest& request)
       : count_(request.instruments.size()),
         request_(request),
-        instruments_(*request.tree, request.instruments, entry_of(request), options_of(request)) {
+        instruments_(*request.tree, request.instruments, entry_of(request), instrument_options(request)) {
     for (std::size_t d = 0; d < count_; ++d)
       shown_.push_back({request.instruments[d].name(), instruments_.max_insertion_mm(d)});
   }
@@ -177,8 +177,7 @@ void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const PathArgum
 }
 
 void make_instruments(HeldInstruments* instruments, const HeldTree& tree, const ModelsArgument& models,
-                      const EntryArgument& entry, const PathArgument& motion,
-                      const PhaseArgument& phase) {
+                      const EntryArgument& entry, const PathArgument& motion, const PhaseArgument& phase) {
   const RunRequest request = run_of(tree, models, entry, motion, phase, "models");
   const nb::gil_scoped_release released;
   new (instruments) HeldInstruments(request);
@@ -365,7 +364,8 @@ void add_catheter(nb::module_& module) {
            "lists all), or a JSON file.\n"
            "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; default: the most "
            "inferior end that it fits into.\n"
-           "motion: a motion.json, by which the body moves about the instrument while it steps.  phase: a dict "
+           "motion: a motion.json, by which the body moves about the instrument while it steps.  phase: a "
+           "dict "
            "of modes that are held, and their phases, 0 to 1; the others go on.")
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
            "Moves the hub by push_mm and turn_deg, evenly over `ms` steps of 1 ms, and returns the "

@@ -181,7 +181,7 @@ void add_run(nb::module_& module) {
       .def_prop_ro(
           "modes", [](const HeldRun& r) { return text_objects(r.run.modes); },
           "The names of the motion's modes; none of a still body.")
-      .def_prop_ro("phases", phases_array,
+      .def_prop_ro("phases", phases_array, kShared,
                    "The phases of the modes at each record, (records, modes) float64.")
       .def_prop_ro(
           "last",
@@ -210,9 +210,7 @@ void add_run(nb::module_& module) {
            "instrument: its number, 0 for the outermost.")
       .def(
           "write",
-          [](const HeldRun& r, const PathArgument& path) {
-            write_whole_file(path_of(path), to_csv(r.run));
-          },
+          [](const HeldRun& r, const PathArgument& path) { write_whole_file(path_of(path), to_csv(r.run)); },
           nb::arg("path"), "Writes the records as CSV, as `xraycast simulate` does.")
       .def("__repr__", [](const HeldRun& r) {
         return text_object(fmt::format("<xraycast.Run of {}: {} records>", fmt::join(names_of(r), ", "),
@@ -233,7 +231,8 @@ void add_run(nb::module_& module) {
       "script: a CSV file (see `xraycast simulate`), or an array (rows, 1 + 2 instruments): time in s, then "
       "insertion in mm and rotation in degrees of each hub, interpolated linearly.\n"
       "entry: as Catheter's.  interval_s: between records; 0: one for each row of the script.\n"
-      "motion: a motion.json, by which the body moves from 0 s on.  phase: a dict of modes that are held, and "
+      "motion: a motion.json, by which the body moves from 0 s on.  phase: a dict of modes that are held, "
+      "and "
       "their phases, 0 to 1.");
 }
 

@@ -69,15 +69,20 @@ MovingBody::MovingBody(std::shared_ptr<const Motion> motion, std::span<const dou
     mode.weights.resize(mode.keys.size());
     mode.cells.resize(kCells);
   }
-  for (std::size_t m = 0; m < modes_.size(); ++m) weigh(m);
+  weigh();
 }
 
 bool MovingBody::move_to(std::span<const double> phases) {
   if (std::ranges::equal(phases, phases_)) return false;
   phases_.assign(phases.begin(), phases.end());
   ++instant_;
-  for (std::size_t m = 0; m < modes_.size(); ++m) weigh(m);
+  weigh();
   return true;
+}
+
+void MovingBody::weigh() {
+  for (std::size_t m = 0; m < modes_.size(); ++m) weigh(m);
+  is_still_ = std::ranges::all_of(modes_, &Mode::is_still);
 }
 
 /// By the phase now.
@@ -180,8 +185,9 @@ struct MovingBody::Found {
   }
   /// The displacement's derivatives by the place.
   [[gnu::always_inline]] std::array<Lanes, 3> slopes() const {
-    const auto term = [this](std::size_t number)
-        __attribute__((always_inline)) { return load(cell->terms_mm[number].data()); };
+    const auto term = [this](std::size_t number) __attribute__((always_inline)) {
+      return load(cell->terms_mm[number].data());
+    };
     const Lanes xy = term(3) + z * term(7);
     return {kCellsPer_mm * ((term(1) + z * term(5)) + y * xy),
             kCellsPer_mm * ((term(2) + z * term(6)) + x * xy),

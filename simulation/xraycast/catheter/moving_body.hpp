@@ -34,6 +34,9 @@ class MovingBody {
   const Motion& motion() const { return *motion_; }
   const std::vector<double>& phases() const { return phases_; }  ///< one a mode
 
+  /// No mode moves it, nor did an instant ago: it shows the scan itself.
+  bool is_still() const { return is_still_; }
+
   /// Of the body about `body_mm`: what is seen at x lies at scan_mm + jacobian * (x - body_mm) in the scan.
   /// Vectors have a fourth number, 0, as the processor's do.
   struct Place {
@@ -47,16 +50,16 @@ class MovingBody {
   static constexpr std::int64_t kBrickCells = 4, kBrickNodes = kBrickCells + 1,
                                 kNodesOfBrick = kBrickNodes * kBrickNodes * kBrickNodes;
   static constexpr std::size_t kCells = 1024;  ///< of a mode that are kept
-  static constexpr std::size_t kWidth = 4;  ///< of a vector of three, so that it is one of the processor's
-  using Node = std::array<float, kWidth>;   ///< a displacement in mm
+  static constexpr std::size_t kWidth = 4;     ///< of a vector of three, so that it is one of the processor's
+  using Node = std::array<float, kWidth>;      ///< a displacement in mm
   /// Of each key, kNodesOfBrick with x fastest; none where no key moves them.
   using Brick = std::vector<Node>;
   /// The cube between eight nodes: the displacement as a polynomial of the shares of the way through it along
   /// x, y and z, in the order 1, x, y, xy, z, xz, yz, xyz.
   struct alignas(64) Cell {
     std::array<std::array<double, kWidth>, 8> terms_mm, moved_mm;  ///< the latter since the instant before
-    std::uint64_t number = 0;      ///< see number_of; 0: none yet
-    std::int64_t instant = 0;      ///< whose weights the terms have
+    std::uint64_t number = 0;                                      ///< see number_of; 0: none yet
+    std::int64_t instant = 0;                                      ///< whose weights the terms have
     const Node* corner = nullptr;  ///< of the first key; null where nothing moves
   };
   struct Mode {
@@ -69,6 +72,7 @@ class MovingBody {
   };
   struct Found;
 
+  void weigh();
   void weigh(std::size_t mode);
   const Node* corner_of(Mode& mode, const std::array<std::int64_t, 3>& cell);
   static Brick filled(const Mode& mode, const std::array<std::int64_t, 3>& brick);
@@ -80,6 +84,7 @@ class MovingBody {
   std::vector<double> phases_;
   std::vector<Mode> modes_;
   std::int64_t instant_ = 1;
+  bool is_still_ = true;
 };
 
 }  // namespace xraycast

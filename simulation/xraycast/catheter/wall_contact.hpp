@@ -58,7 +58,7 @@ class WallContact final : public ExternalPotential {
     /// On the rod's axis there, or nearby while the wall is out of reach: clearance and gradient of the body,
     /// all else of the scan.
     LumenDistanceField::Sample sample;
-    double depth_mm = 0;                ///< of the rod's surface in the wall; 0 without contact
+    double depth_mm = 0;  ///< of the rod's surface in the wall; 0 without contact
     Eigen::Vector3d normal_N{0, 0, 0}, friction_N{0, 0, 0};
     Eigen::Vector3d introducer_N{0, 0, 0};  ///< completes the balance of forces on the rod
     bool slips = false;
@@ -106,9 +106,9 @@ class WallContact final : public ExternalPotential {
     Eigen::Vector2d start_slip_mm{0, 0};       ///< the same in t1, t2, as the step begins
     double introducer_mN_mm = 0, introducer_uJ = 0;
     Eigen::Vector3d sampled_at_mm{0, 0, 0};  ///< in the scan
-    double scale = 1;          ///< of the body's clearance by the scan's
-    bool is_covered = false;   ///< by another instrument
-    bool was_covered = false;  ///< as the last step ended
+    double scale = 1;                        ///< of the body's clearance by the scan's
+    bool is_covered = false;                 ///< by another instrument
+    bool was_covered = false;                ///< as the last step ended
   };
   /// What a contact needs to know of the body that moves. Vectors have a fourth number, 0; matrices are
   /// columns of them.
@@ -140,6 +140,7 @@ class WallContact final : public ExternalPotential {
   Eigen::Vector3d in_scan_mm(std::size_t index, const Eigen::Vector3d& point_mm);
   void sample_wall(std::size_t index, const Eigen::Vector3d& point_mm);
   void take_sample(std::size_t index, const Eigen::Vector3d& in_scan_mm);
+  void take_depth(std::size_t index);
   bool needs_sample(std::size_t index, const Eigen::Vector3d& in_scan_mm);
   void follow_body(const Rod& rod, std::size_t index);
   void shift_wall(std::size_t index, const Eigen::Vector3d& moved_mm);
@@ -148,7 +149,7 @@ class WallContact final : public ExternalPotential {
   void rescale(std::size_t index, double scale);
   Eigen::Matrix3d curvature(std::size_t index) const;
   void sample_walls(const RodState& state);
-  void ask(std::size_t index, const Eigen::Vector3d& in_scan_mm);
+  void ask(std::size_t index, const Eigen::Vector3d& in_scan_mm, const LumenDistanceField::SearchHint& from);
   void take_answers();
   void make_groups();
   void add_to_group(std::size_t index, RubbingGroup& group) const;
@@ -176,8 +177,8 @@ class WallContact final : public ExternalPotential {
   std::shared_ptr<MovingBody> body_;
   bool is_following_ = false;   ///< the body moves in this step
   bool was_following_ = false;  ///< and in the last one
-  bool starts_anew_ = false;    ///< what it leads to where the step begins is known, and was not yet asked for
-  std::size_t followed_ = 0;    ///< steps
+  bool starts_anew_ = false;  ///< what it leads to where the step begins is known, and was not yet asked for
+  std::size_t followed_ = 0;  ///< steps
   double work_uJ_ = 0;
   std::vector<Contact> contacts_;
   std::vector<FrictionState> states_;

@@ -115,9 +115,10 @@ std::vector<std::string> check_motion(const RunRequest& request, const VesselEnd
   constexpr double kNoticed_mm = 1;
   const double away_mm = moves_mm(request, to_glm(entry.position_mm));
   if (away_mm < kNoticed_mm) return {};
-  return {fmt::format("the motion takes the vessel's end where the instruments enter {:.0f} mm away from the "
-                      "introducer, which stays; enter where the body moves less",
-                      away_mm)};
+  return {
+      fmt::format("the motion takes the vessel's end where the instruments enter {:.0f} mm away from the "
+                  "introducer, which stays; enter where the body moves less",
+                  away_mm)};
 }
 
 // ---- the run
@@ -182,8 +183,7 @@ constexpr const char* kColumns =
     "insertion{0}_mm,rotation{0}_deg,force{0}_N,torque{0}_Nm,tip{0}_x_mm,tip{0}_y_mm,tip{0}_z_mm,tip{0}_"
     "direction_x,tip{0}_direction_y,tip{0}_direction_z,tip{0}_branch,tip{0}_arc_length_mm,contacts{0},"
     "contact_force{0}_N,deepest{0}_mm";
-constexpr const char* kMotionColumns =
-    ",tip{0}_scan_x_mm,tip{0}_scan_y_mm,tip{0}_scan_z_mm,wall_work{0}_J";
+constexpr const char* kMotionColumns = ",tip{0}_scan_x_mm,tip{0}_scan_y_mm,tip{0}_scan_z_mm,wall_work{0}_J";
 
 double part(double value) {
   constexpr int kDecimals = 6;
@@ -244,7 +244,7 @@ std::vector<double> phases_at(const RunRequest& request, double time_s) {
   return phases;
 }
 
-Instruments::Options options_of(const RunRequest& request) {
+Instruments::Options instrument_options(const RunRequest& request) {
   return {.motion = request.motion, .phases = phases_at(request, 0)};
 }
 
@@ -272,7 +272,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   Run run{.entry = entry_of(request), .records = {}, .last = {}};
   if (request.motion)
     for (const MotionMode& mode : request.motion->modes()) run.modes.push_back(mode.name);
-  Instruments instruments(*request.tree, request.instruments, run.entry, options_of(request));
+  Instruments instruments(*request.tree, request.instruments, run.entry, instrument_options(request));
   std::vector<HubPose> poses(instruments.count());
   const auto move_to = [&](double time_s, const std::vector<double>& phases) {
     for (std::size_t d = 0; d < poses.size(); ++d) poses[d] = script.pose_at(time_s, d);

@@ -43,7 +43,7 @@ std::vector<std::string> check(const RunRequest& request);
 std::vector<double> phases_at(const RunRequest& request, double time_s);
 
 /// How instruments are put in for a run.
-Instruments::Options options_of(const RunRequest& request);
+Instruments::Options instrument_options(const RunRequest& request);
 
 /// Where the outermost instrument enters. Throws as find_entry.
 VesselEnd entry_of(const RunRequest& request);
@@ -57,10 +57,10 @@ struct RunRecord {
   HubPose pose;
   HubLoad load;
   InstrumentTip tip;
-  int contacts = 0;            ///< contact points in contact with a wall
-  double contact_force_N = 0;  ///< sum of the magnitudes of their forces
-  double deepest_mm = 0;       ///< depth in the wall
-  double wall_work_J = 0;      ///< of the moving wall on the instrument so far
+  int contacts = 0;              ///< contact points in contact with a wall
+  double contact_force_N = 0;    ///< sum of the magnitudes of their forces
+  double deepest_mm = 0;         ///< depth in the wall
+  double wall_work_J = 0;        ///< of the moving wall on the instrument so far
   std::vector<double> phases{};  ///< of the motion's modes; none without a motion
 };
 
