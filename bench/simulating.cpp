@@ -22,12 +22,34 @@ VesselTree winding_vessel(double length_mm) {
   return {{branch}, "winding vessel"};
 }
 
-Instruments in_vessel(std::size_t instruments, double spacing_mm) {
-  const VesselTree vessel = winding_vessel(1500);
+constexpr double kVessel_mm = 1500;
+
+/// A displacement whose direction turns over centimetres, of so many mm where `share_at` a distance along the
+/// vessel is 1.
+template <typename ShareAt>
+std::shared_ptr<const Displacement> waves(double most_mm, const ShareAt& share_at) {
+  constexpr double kNode_mm = 4, kAside_mm = 40;
+  VectorImage field;
+  field.grid.step_mm = glm::dmat3(kNode_mm);
+  field.grid.origin_mm = {-kAside_mm, -kAside_mm, -kAside_mm};
+  const auto aside = static_cast<std::int64_t>(2 * kAside_mm / kNode_mm) + 1;
+  field.grid.size = {aside, aside, static_cast<std::int64_t>((kVessel_mm + 2 * kAside_mm) / kNode_mm) + 1};
+  for (std::int64_t n = 0; n < field.grid.nodes(); ++n) {
+    const double x = -kAside_mm + kNode_mm * static_cast<double>(n % aside),
+                 z = -kAside_mm + kNode_mm * static_cast<double>(n / (aside * aside));
+    field.vectors.emplace_back(
+        most_mm * share_at(z) *
+        glm::dvec3(std::sin(z / 32), std::cos(z / 25 + x / 40), 0.5 * std::sin(z / 28)));
+  }
+  return field_of(std::move(field), "waves");
+}
+
+Instruments in_vessel(std::size_t instruments, double spacing_mm, std::shared_ptr<const Motion> motion) {
+  const VesselTree vessel = winding_vessel(kVessel_mm);
   std::vector<InstrumentModel> models{InstrumentModel::named("cobra-5f"),
                                       InstrumentModel::named("guidewire-035-angled")};
   models.erase(models.begin() + static_cast<std::ptrdiff_t>(instruments), models.end());
-  return {vessel, models, most_inferior_end(vessel), {.spacing_mm = spacing_mm}};
+  return {vessel, models, most_inferior_end(vessel), {.spacing_mm = spacing_mm, .motion = std::move(motion)}};
 }
 
 /// Of so many steps that the hubs reverse several times.
@@ -41,8 +63,34 @@ double p999_ms(InstrumentSteps& steps) {
 
 }  // namespace
 
-InstrumentSteps::InstrumentSteps(std::size_t instruments, std::size_t nodes, double spacing_mm)
-    : instruments_(in_vessel(instruments, spacing_mm)), poses_(instruments) {
+std::shared_ptr<const Motion> breath_and_heart() {
+  constexpr double kBreath_mm = 8, kHeart_mm = 8, kBreath_s = 4, kBeat_s = 60.0 / 70;
+  constexpr int kKeys = 10;
+  // The entry rests. A heart is some 10 cm wide, and takes the coronary arteries of the phantom along by some
+  // 8 mm.
+  const auto breathes = [](double z) { return std::clamp(z / 200, 0.0, 1.0); };
+  const auto beats = [](double z) {
+    constexpr double kMiddle_mm = 430, kReach_mm = 60;
+    const double away = std::min(std::abs(z - kMiddle_mm) / kReach_mm, 1.0);
+    return 0.5 + 0.5 * std::cos(std::numbers::pi * away);
+  };
+  MotionMode breath{.name = "breath", .period_s = kBreath_s, .waveform = {}, .keys = {{0, nullptr}}};
+  breath.keys.push_back({1, waves(kBreath_mm, breathes)});
+  MotionMode heart{.name = "heart", .period_s = kBeat_s, .waveform = {}, .keys = {{0, nullptr}}};
+  for (int k = 1; k < kKeys; ++k) {
+    const double phase = static_cast<double>(k) / kKeys;
+    const double contracted = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * phase);
+    heart.keys.push_back({phase, waves(contracted * kHeart_mm, beats)});
+  }
+  std::vector<MotionMode> modes{std::move(breath), std::move(heart)};
+  return std::make_shared<const Motion>(std::move(modes), "breath and heart");
+}
+
+InstrumentSteps::InstrumentSteps(std::size_t instruments, std::size_t nodes, double spacing_mm,
+                                 std::shared_ptr<const Motion> motion)
+    : motion_(std::move(motion)),
+      instruments_(in_vessel(instruments, spacing_mm, motion_)),
+      poses_(instruments) {
   for (std::size_t d = instruments; d-- > 0;)
     while (instruments_.rod(d).node_count() < nodes) {
       poses_[d].insertion_mm += 0.1;
@@ -58,7 +106,9 @@ double InstrumentSteps::next_ms() {
   poses_[0].insertion_mm += (steps_ / 250) % 2 == 0 ? -0.02 : 0.02;
   poses_[0].rotation_rad += 2 * std::numbers::pi / 10'000;
   if (poses_.size() > 1) poses_[1].insertion_mm += (steps_ / 150) % 2 == 0 ? -0.03 : 0.03;
-  return wall_ms([&] { instruments_.step(poses_); });
+  if (!motion_) return wall_ms([&] { instruments_.step(poses_); });
+  const double time_s = static_cast<double>(steps_) * instruments_.step_s();
+  return wall_ms([&] { instruments_.step(poses_, motion_->phases_at(time_s)); });
 }
 
 std::vector<Row> add_simulating(Bench&) {
@@ -71,6 +121,11 @@ std::vector<Row> add_simulating(Bench&) {
   add("two fifths of a deadline", [] { return 0.4; });
   add("coaxial_step_2x200", [pair] { return pair->next_ms(); });
   add("coaxial_step_2x200_p999", [pair] { return p999_ms(*pair); })->Iterations(1);
+  const std::shared_ptr<const Motion> motion = breath_and_heart();
+  const auto moving = std::make_shared<InstrumentSteps>(1, 200, 2.5, motion);
+  add("rod_step_200_in_motion", [moving] { return moving->next_ms(); });
+  const auto moving_pair = std::make_shared<InstrumentSteps>(2, 200, 2.5, motion);
+  add("coaxial_step_2x200_in_motion", [moving_pair] { return moving_pair->next_ms(); });
   const auto large = std::make_shared<InstrumentSteps>(2, 512, 1.9);
   add("coaxial_step_2x512", [large] { return large->next_ms(); });
   using enum Row::Bar;
@@ -78,6 +133,8 @@ std::vector<Row> add_simulating(Bench&) {
           {"rod_step_200_p999", "deadline", at_most, 1},
           {"coaxial_step_2x200", "two fifths of a deadline", at_most, 1},
           {"coaxial_step_2x200_p999", "deadline", at_most, 1},
+          {"rod_step_200_in_motion", "rod_step_200", at_most, 1.25},
+          {"coaxial_step_2x200_in_motion", "coaxial_step_2x200", at_most, 1.25},
           {"coaxial_step_2x512", "deadline", at_most, 1}};
 }
 

@@ -161,10 +161,15 @@ void check_cine(const SimulateArguments& options) {
   check_writable(fs::path(options.cine) / "frame-000.png");
 }
 
-Json json_of(const InstrumentTip& tip) {
-  return {{"branch", tip.branch},
-          {"arc_length_mm", tip.arc_length_mm},
-          {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
+Json json_of(const RunRecord& record) {
+  const InstrumentTip& tip = record.tip;
+  Json json{{"branch", tip.branch},
+            {"arc_length_mm", tip.arc_length_mm},
+            {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
+  if (record.phases.empty()) return json;
+  json["scan_mm"] = {tip.scan_mm.x, tip.scan_mm.y, tip.scan_mm.z};
+  json["wall_work_J"] = record.wall_work_J;
+  return json;
 }
 
 /// Where the tips ended, by a run's last records.
@@ -189,10 +194,12 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
             {"rows", run.records.size()},
             {"simulated_s", run.last[0].time_s},
             {"wall_s", wall_s},
-            {"tip", json_of(run.last[0].tip)}};
+            {"tip", json_of(run.last[0])}};
+  if (!run.modes.empty()) json["motion"] = request.motion->name();
+  for (std::size_t m = 0; m < run.modes.size(); ++m) json["phases"][run.modes[m]] = run.last[0].phases[m];
   for (std::size_t d = 1; d < run.last.size(); ++d) {
     json[fmt::format("device_model_{}", d + 1)] = request.instruments[d].name();
-    json[fmt::format("tip_{}", d + 1)] = json_of(run.last[d].tip);
+    json[fmt::format("tip_{}", d + 1)] = json_of(run.last[d]);
   }
   return json;
 }
@@ -204,6 +211,9 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
   RunRequest request = parse_run(options.run, options.tree);
   if (!options.cine.empty()) request.injection = parse_injection(options.injection);
   invocation.say(check(request));
+  if (request.motion) invocation.say(request.motion->warnings());
+  if (request.motion && !options.cine.empty())
+    invocation.say({"--cine shows body and vessels at rest; only the instruments move"});
 
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
@@ -216,7 +226,7 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
   });
   const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
   OutputSet outputs;
-  write_whole_file(options.log, to_csv(run.records));
+  write_whole_file(options.log, to_csv(run));
   const std::vector<fs::path> plots = plots_of(options);
   for (std::size_t d = 0; d < plots.size(); ++d)
     write_picture(hub_plot(request.instruments[d].name() + ": at the hub", samples.records(), d), plots[d]);
@@ -264,6 +274,8 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       "    --cine dsa.gif --look dsa --inject 8 --injection-rate 6 --injection-volume 12 --iodine 300\n"
       "  xraycast simulate vessels --device-model cobra-5f --device-model guidewire-035-j \\\n"
       "    --script both.csv -o log.csv\n"
+      "  xraycast simulate vessels --device-model guidewire-014-angled --script push.csv -o log.csv \\\n"
+      "    --motion thorax-motion/motion.json --phase breath=0\n"
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
       "second instrument also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
       [options, &invocation] { simulate(*options, invocation); });
@@ -279,6 +291,7 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
                    "The log: one row per row of the script, with the hub's force in N and torque in N m")
       ->required()
       ->type_name("CSV");
+  add_run_motion_options(*command, options->run);
   command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")
       ->type_name("IMAGE");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");

@@ -31,7 +31,7 @@ struct State {
 };
 
 /// How far each instrument's hub moves.
-struct Motion {
+struct HubMoves {
   std::vector<double> push_mm, turn_rad;
 };
 
@@ -40,13 +40,14 @@ class HeldInstruments {
  public:
   explicit HeldInstruments(const RunRequest& request)
       : count_(request.instruments.size()),
-        instruments_(*request.tree, request.instruments, entry_of(request)) {
+        request_(request),
+        instruments_(*request.tree, request.instruments, entry_of(request), instrument_options(request)) {
     for (std::size_t d = 0; d < count_; ++d)
       shown_.push_back({request.instruments[d].name(), instruments_.max_insertion_mm(d)});
   }
 
   /// Without the interpreter's lock, which it takes now and then to look for Ctrl-C.
-  std::vector<State> step(const Motion& motion, int steps, const RunningCall& call) {
+  std::vector<State> step(const HubMoves& moves, int steps, const RunningCall& call) {
     const auto lock = locked();
     const Stepping stepping(stepping_);
     std::vector<HubPose> starts, poses(count());
@@ -55,9 +56,9 @@ class HeldInstruments {
     for (int i = 1; i <= steps; ++i) {
       const double share = static_cast<double>(i) / steps;
       for (std::size_t d = 0; d < count(); ++d)
-        poses[d] = {starts[d].insertion_mm + share * motion.push_mm[d],
-                    starts[d].rotation_rad + share * motion.turn_rad[d]};
-      instruments_.step(poses);
+        poses[d] = {starts[d].insertion_mm + share * moves.push_mm[d],
+                    starts[d].rotation_rad + share * moves.turn_rad[d]};
+      instruments_.step(poses, phases_at(request_, instruments_.time_s() + instruments_.step_s()));
       constexpr std::chrono::milliseconds kLookInterval{50};
       if (std::chrono::steady_clock::now() - looked < kLookInterval) continue;
       const nb::gil_scoped_acquire held;
@@ -153,6 +154,7 @@ class HeldInstruments {
   };
 
   std::size_t count_;
+  RunRequest request_;
   std::mutex shown_mutex_;
   std::vector<Shown> shown_;
   std::mutex mutex_;    ///< of the instruments
@@ -166,17 +168,17 @@ struct HeldCatheter {
 };
 
 void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const PathArgument& model,
-                   const EntryArgument& entry) {
+                   const EntryArgument& entry, const PathArgument& motion, const PhaseArgument& phase) {
   nb::list models;
   models.append(model);
-  const RunRequest request = run_of(tree, models, entry, "model");
+  const RunRequest request = run_of(tree, models, entry, motion, phase, "model");
   const nb::gil_scoped_release released;
   new (catheter) HeldCatheter{HeldInstruments(request)};
 }
 
 void make_instruments(HeldInstruments* instruments, const HeldTree& tree, const ModelsArgument& models,
-                      const EntryArgument& entry) {
-  const RunRequest request = run_of(tree, models, entry, "models");
+                      const EntryArgument& entry, const PathArgument& motion, const PhaseArgument& phase) {
+  const RunRequest request = run_of(tree, models, entry, motion, phase, "models");
   const nb::gil_scoped_release released;
   new (instruments) HeldInstruments(request);
 }
@@ -191,15 +193,15 @@ std::vector<double> moves_of(const nb::object& given, std::size_t count, const c
   return std::move(numbers.values);
 }
 
-std::vector<State> move_by(HeldInstruments& instruments, Motion motion, int ms) {
+std::vector<State> move_by(HeldInstruments& instruments, HubMoves moves, int ms) {
   constexpr int kLongest_ms = 3'600'000;
   if (ms < 1 || ms > kLongest_ms)
     throw InputError("ms {}: must be 1 to {}, whole steps of 1 ms", ms, kLongest_ms);
-  for (double& angle : motion.turn_rad) angle *= kRadiansPerDegree;
+  for (double& angle : moves.turn_rad) angle *= kRadiansPerDegree;
   Progress progress;
   const RunningCall call(progress);
   const nb::gil_scoped_release released;
-  return instruments.step(motion, ms, call);
+  return instruments.step(moves, ms, call);
 }
 
 std::vector<State> move_hubs(HeldInstruments& instruments, const ArrayArgument& push_mm,
@@ -273,6 +275,15 @@ void add_state(nb::module_& module) {
           "contact_force_N", [](const State& s) { return s.record.contact_force_N; },
           "The sum of the walls' forces.")
       .def_prop_ro(
+          "tip_scan_mm", [](const State& s) { return tuple_of(s.record.tip.scan_mm); },
+          "What the tip's place shows: tip_mm, but in a body that moves the scan's, where the tree lies.")
+      .def_prop_ro(
+          "wall_work_J", [](const State& s) { return s.record.wall_work_J; },
+          "What the moving wall has done on the instrument so far.")
+      .def_prop_ro(
+          "phases", [](const State& s) { return s.record.phases; },
+          "The phases of the motion's modes, in order; none in a still body.")
+      .def_prop_ro(
           "is_held", [](const State& s) { return s.is_held; },
           "The hub did not advance, since the push force is 3 N already.")
       .def("__repr__", state_description);
@@ -297,9 +308,9 @@ void add_instruments(nb::module_& module) {
       "Up to three instruments one in the other, such as a guide wire in a catheter, each moved at "
       "its own hub. Lists have one item for each instrument, the outermost first.")
       .def("__init__", make_instruments, nb::arg("tree"), nb::arg("models").none(), nb::kw_only(),
-           nb::arg("entry") = nb::none(),
-           "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry: as "
-           "Catheter's.")
+           nb::arg("entry") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
+           "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry, "
+           "motion, phase: as Catheter's.")
       .def("step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
            nb::arg("ms") = 1,
            "Moves each hub by its numbers in push_mm and turn_deg, evenly over `ms` steps of 1 ms, and "
@@ -348,11 +359,14 @@ void add_catheter(nb::module_& module) {
   add_instruments(module);
   nb::class_<HeldCatheter>(module, "Catheter", "A catheter or guide wire in a vessel tree, moved at its hub.")
       .def("__init__", make_catheter, nb::arg("tree"), nb::arg("model"), nb::kw_only(),
-           nb::arg("entry") = nb::none(),
+           nb::arg("entry") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
            "model: an instrument's name, such as cobra-5f or guidewire-035-j (the error for a wrong one "
            "lists all), or a JSON file.\n"
            "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; default: the most "
-           "inferior end that it fits into.")
+           "inferior end that it fits into.\n"
+           "motion: a motion.json, by which the body moves about the instrument while it steps.  phase: a "
+           "dict "
+           "of modes that are held, and their phases, 0 to 1; the others go on.")
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
            "Moves the hub by push_mm and turn_deg, evenly over `ms` steps of 1 ms, and returns the "
            "CatheterState.")

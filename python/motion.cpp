@@ -171,6 +171,15 @@ std::vector<double> phases_at_instant(const BodyMap& map, const nb::object& phas
   return {};
 }
 
+MotionOfRun motion_of_run(const nb::object& motion, const nb::object& phase) {
+  MotionOfRun of_run{nullptr, phases_of(phase)};
+  if (motion.is_none()) return of_run;
+  const std::string file = path_of(motion);
+  of_run.motion =
+      result_of(nb::none(), [&](Progress&) { return std::make_shared<const Motion>(read_motion(file)); });
+  return of_run;
+}
+
 HeldScan moved_scan(const HeldScan& scan, const MotionRequest& request, Progress& progress) {
   const MotionOfRequest motion = held_motion(request);
   ScanInfo info = scan.info();

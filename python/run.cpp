@@ -3,6 +3,7 @@
 #include "calls/arguments.hpp"
 #include "calls/job.hpp"
 #include "calls/values.hpp"
+#include "motion.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/reports/hub_plot.hpp"
@@ -60,8 +61,9 @@ Script script_of(const nb::object& script, std::size_t instruments) {
 }
 
 HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::object& script,
-                 const nb::object& entry, double interval_s, const nb::object& progress) {
-  HeldRun held{run_of(tree, instruments, entry, "instruments"), {}};
+                 const nb::object& entry, double interval_s, const PathArgument& motion,
+                 const PhaseArgument& phase, const nb::object& progress) {
+  HeldRun held{run_of(tree, instruments, entry, motion, phase, "instruments"), {}};
   held.request.script = script_of(script, held.request.instruments.size());
   held.request.interval_s = interval_s;
   return result_of(progress, [&](Progress& reported) {
@@ -85,14 +87,17 @@ struct PackedRecord {
   double arc_length_mm;
   std::int64_t contacts;
   double contact_force_N, deepest_mm;
+  glm::dvec3 tip_scan_mm;
+  double wall_work_J;
 };
-static_assert(sizeof(PackedRecord) == 16 * 8);
+static_assert(sizeof(PackedRecord) == 20 * 8);
 
 PackedRecord packed(const RunRecord& r) {
   return {r.time_s,        r.pose.insertion_mm, r.pose.rotation_rad * kDegreesPerRadian,
           r.load.force_N,  r.load.torque_Nm,    r.tip.position_mm,
           r.tip.direction, r.tip.branch,        r.tip.arc_length_mm,
-          r.contacts,      r.contact_force_N,   r.deepest_mm};
+          r.contacts,      r.contact_force_N,   r.deepest_mm,
+          r.tip.scan_mm,   r.wall_work_J};
 }
 
 /// A structured array (records, instruments).
@@ -110,7 +115,16 @@ nb::object records_array(const std::vector<std::vector<RunRecord>>& records) {
   fields.append(nb::make_tuple("arc_length_mm", "f8"));
   fields.append(nb::make_tuple("contacts", "i8"));
   for (const char* name : {"contact_force_N", "deepest_mm"}) fields.append(nb::make_tuple(name, "f8"));
+  fields.append(nb::make_tuple("tip_scan_mm", "f8", 3));
+  fields.append(nb::make_tuple("wall_work_J", "f8"));
   return record_array(all, fields).attr("reshape")(records.size(), records.front().size());
+}
+
+auto phases_array(const HeldRun& held) {
+  const auto all = std::make_shared<std::vector<double>>();
+  for (const std::vector<RunRecord>& of_instruments : held.run.records)
+    all->insert(all->end(), of_instruments[0].phases.begin(), of_instruments[0].phases.end());
+  return array_over<double, 2>(all->data(), {held.run.records.size(), held.run.modes.size()}, all);
 }
 
 auto plot_of(const HeldRun& held, int instrument) {
@@ -140,14 +154,18 @@ std::string instrument_name(nb::handle object, const std::string& argument) {
 }
 
 RunRequest run_of(const HeldTree& tree, const nb::object& instruments, const nb::object& entry,
-                  const std::string& name) {
+                  const nb::object& motion, const nb::object& phase, const std::string& name) {
   if (nb::isinstance<nb::str>(instruments) || !nb::isinstance<nb::sequence>(instruments))
     throw InputError("{}: must be a list of instruments, the outermost first", name);
   std::vector<std::string> names;
   for (const nb::handle instrument : instruments)
     names.push_back(instrument_name(instrument, fmt::format("{}[{}]", name, names.size())));
-  RunRequest request{
-      .tree = tree.tree, .instruments = instruments_named(names), .entry = entry_choice(entry)};
+  MotionOfRun moves = motion_of_run(motion, phase);
+  RunRequest request{.tree = tree.tree,
+                     .instruments = instruments_named(names),
+                     .entry = entry_choice(entry),
+                     .motion = std::move(moves.motion),
+                     .phase = std::move(moves.phase)};
   check(request);
   return request;
 }
@@ -158,8 +176,13 @@ void add_run(nb::module_& module) {
           "records", [](const HeldRun& r) { return nb::borrow<RecordArray>(records_array(r.run.records)); },
           "A structured array (records, instruments), the outermost instrument first, with the fields "
           "time_s, insertion_mm, rotation_deg, force_N and torque_Nm of the hub, tip_mm (x, y, z), "
-          "tip_direction, branch, arc_length_mm, contacts, contact_force_N and deepest_mm, in a wall; see "
-          "CatheterState.")
+          "tip_direction, branch, arc_length_mm, contacts, contact_force_N, deepest_mm, in a wall, "
+          "tip_scan_mm and wall_work_J; see CatheterState.")
+      .def_prop_ro(
+          "modes", [](const HeldRun& r) { return text_objects(r.run.modes); },
+          "The names of the motion's modes; none of a still body.")
+      .def_prop_ro("phases", phases_array, kShared,
+                   "The phases of the modes at each record, (records, modes) float64.")
       .def_prop_ro(
           "last",
           [](const HeldRun& r) { return nb::borrow<RecordArray>(records_array({r.run.last})[nb::int_(0)]); },
@@ -187,9 +210,7 @@ void add_run(nb::module_& module) {
            "instrument: its number, 0 for the outermost.")
       .def(
           "write",
-          [](const HeldRun& r, const PathArgument& path) {
-            write_whole_file(path_of(path), to_csv(r.run.records));
-          },
+          [](const HeldRun& r, const PathArgument& path) { write_whole_file(path_of(path), to_csv(r.run)); },
           nb::arg("path"), "Writes the records as CSV, as `xraycast simulate` does.")
       .def("__repr__", [](const HeldRun& r) {
         return text_object(fmt::format("<xraycast.Run of {}: {} records>", fmt::join(names_of(r), ", "),
@@ -198,17 +219,21 @@ void add_run(nb::module_& module) {
   module.def(
       "simulate", simulate, nb::arg("tree"), nb::arg("instruments").none(), nb::arg("script").none(),
       nb::kw_only(), nb::arg("entry") = nb::none(), nb::arg("interval_s") = 0.0,
-      nb::arg("progress") = nb::none(),
+      nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(), nb::arg("progress") = nb::none(),
       nb::sig("def simulate(tree: VesselTree, instruments: collections.abc.Sequence[str | os.PathLike[str]], "
               "script: str | os.PathLike[str] | numpy.typing.ArrayLike, *, "
               "entry: int | numpy.typing.ArrayLike | None = None, interval_s: float = 0.0, "
+              "motion: str | os.PathLike[str] | None = None, phase: dict[str, float] | None = None, "
               "progress: xraycast._progress.Listener | None = None) -> Run"),
       "Moves instruments through a VesselTree by a script, as fast as the machine can, and returns a Run.\n\n"
       "instruments: names of instruments or their JSON files, the outermost first; up to three, one in the "
       "other.\n"
       "script: a CSV file (see `xraycast simulate`), or an array (rows, 1 + 2 instruments): time in s, then "
       "insertion in mm and rotation in degrees of each hub, interpolated linearly.\n"
-      "entry: as Catheter's.  interval_s: between records; 0: one for each row of the script.");
+      "entry: as Catheter's.  interval_s: between records; 0: one for each row of the script.\n"
+      "motion: a motion.json, by which the body moves from 0 s on.  phase: a dict of modes that are held, "
+      "and "
+      "their phases, 0 to 1.");
 }
 
 }  // namespace xraycast::python

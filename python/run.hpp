@@ -16,9 +16,10 @@ struct HeldRun {
   std::optional<RecordedRun> recorded{};
 };
 
-/// A run in a tree. `name` is the argument `instruments`' own. Throws InputError.
+/// A run in a tree, in a body that moves or, with None, is still. `name` is the argument `instruments`' own.
+/// Throws InputError.
 RunRequest run_of(const HeldTree& tree, const nb::object& instruments, const nb::object& entry,
-                  const std::string& name);
+                  const nb::object& motion, const nb::object& phase, const std::string& name);
 
 /// The name of an instrument or of its file. Throws InputError, with `argument` in front, for what is
 /// neither.

@@ -14,6 +14,8 @@ namespace xraycast::cli {
 struct RunOptions {
   std::vector<std::string> instrument_models{};
   std::string entry{}, script{};
+  std::string motion{};
+  std::vector<std::string> phases{};
 };
 
 /// --device-model, which repeats, the outermost instrument first, and --entry: the instruments and their
@@ -22,6 +24,9 @@ void add_coaxial_options(CLI::App& command, RunOptions& options);
 
 /// --script
 CLI::Option* add_script_option(CLI::App& command, RunOptions& options, const std::string& purpose);
+
+/// --motion, and --phase of modes that are held.
+void add_run_motion_options(CLI::App& command, RunOptions& options);
 
 /// The run in the tree of `vessels`, a file or a folder. --entry is a branch's number, or X,Y,Z in mm (LPS);
 /// empty for the default. Throws InputError.

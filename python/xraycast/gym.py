@@ -3,7 +3,7 @@ import numbers
 
 import numpy as np
 
-from . import Catheter, InputError, InstrumentShape, VesselTree
+from . import Catheter, InputError, InstrumentShape, Motion, VesselTree
 from ._pictures import grey_range, greys, project_points
 
 try:
@@ -120,9 +120,11 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     max_steps: the number of steps after which an episode is truncated.
     body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as in its render or
     project, but the field fits the tree by default. An instrument that would hardly be seen is drawn darker than it is.
+    motion, phase: as of Catheter: the body moves about the instrument, but not in frames, where a wire in a moving vessel
+    moves over a still picture.  observe_phases: observations without a body have the phase of each mode too, at their end.
 
     Action, (2,) float32 in [-1, 1]: push and turn at the hub.
-    Observation, (36,) float32, mm: the tip (x, y, z), its direction (3, of length 1), 8 points on the way to the
+    Observation, (36,) float32, mm: the tip (x, y, z; where it is in the scan), its direction (3, of length 1), 8 points on the way to the
     target, 5 mm apart, as seen from the tip (24), the way's length, the insertion, the cosine and sine of the hub's
     rotation, and at the hub the force in N and the torque in N mm.
     Observation with a body, (rows, columns, 2) uint8: the fluoroscopic frame, and the road map: 255 on the way from where
@@ -137,15 +139,21 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     REACHED_MM, BONUS, PRICE = 5.0, 100.0, 0.1
 
     def __init__(self, tree, model="cobra-5f", target=None, *, entry=None, ms=10, max_push_mm=2.0, max_turn_deg=10.0,
-                 max_steps=2000, body=None, lao=0.0, cranial=0.0, size=(128, 128), pixel_mm=None, centre_mm=None):
+                 max_steps=2000, body=None, lao=0.0, cranial=0.0, size=(128, 128), pixel_mm=None, centre_mm=None,
+                 motion=None, phase=None, observe_phases=False):
         gymnasium.utils.EzPickle.__init__(self, tree, model, target, entry=entry, ms=ms, max_push_mm=max_push_mm,
                                           max_turn_deg=max_turn_deg, max_steps=max_steps, body=body, lao=lao,
-                                          cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm)
+                                          cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm,
+                                          motion=motion, phase=phase, observe_phases=observe_phases)
         view = _checked_view(body, dict(lao=lao, cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm))
         self.vessels = tree if isinstance(tree, VesselTree) else VesselTree.read(tree)
         self.tree, self.model, self.entry = _Tree(self.vessels), model, entry
         if target is not None and target not in self.tree.leaves:
             raise InputError(f"target {target}: is not a leaf of the tree; give one of {self.tree.leaves}")
+        self.motion = {"motion": motion, "phase": phase}
+        self.observes_phases = observe_phases
+        if observe_phases and (motion is None or body is not None):
+            raise InputError("observe_phases: applies to a motion without a body; give a motion, or leave it out")
         self.target_given, self.ms, self.max_steps = target, ms, max_steps
         self.scale = np.array([max_push_mm, max_turn_deg])
         self.action_space = gymnasium.spaces.Box(-1, 1, (2,), np.float32)
@@ -156,7 +164,8 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         if self.fluoroscope:
             self.observation_space = gymnasium.spaces.Box(0, 255, (*self.fluoroscope.frame.shape, 2), np.uint8)
         else:
-            self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6,), np.float32)
+            phases = len(Motion.read(motion).modes) if observe_phases else 0
+            self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6 + phases,), np.float32)
 
     def _check_targets_are_seen(self):
         for leaf in self.tree.leaves if self.target_given is None else [self.target_given]:
@@ -166,7 +175,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
-        self.run = Catheter(self.vessels, self.model, entry=self.entry)
+        self.run = Catheter(self.vessels, self.model, entry=self.entry, **self.motion)
         self.target = self.target_given
         if self.target is None:
             away = [leaf for leaf in self.tree.leaves if leaf != self.run.state.branch]
@@ -199,12 +208,14 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         way, arcs = self._look_ahead(state)
         if self.fluoroscope:
             return np.stack([self.fluoroscope.picture(self.run.shape), self.road_map], axis=-1)
-        tip = np.array(state.tip_mm)
+        tip = np.array(state.tip_scan_mm)
         marks = AHEAD_MM * np.arange(1, AHEAD + 1)
         ahead = np.column_stack([np.interp(marks, arcs, way[:, axis]) for axis in range(3)]) - tip
         turn = np.radians(state.rotation_deg)
         values = [*tip, *state.tip_direction, *ahead.ravel(), self.left_mm, state.insertion_mm, np.cos(turn),
                    np.sin(turn), state.force_N, 1000 * state.torque_Nm]
+        if self.observes_phases:
+            values += state.phases
         return np.array(values, dtype=np.float32)
 
     def _info(self):

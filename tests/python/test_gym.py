@@ -149,3 +149,22 @@ def test_frames_are_made_in_spawned_processes(fork, vessel_in_water):
         assert observations.shape == (2, 24, 32, 2) and observations[..., 0].std() > 0
     finally:
         envs.close()
+
+
+def test_a_body_that_moves_is_observed(fork, tmp_path):
+    """Of one mode, whose phase is observed where that is asked for."""
+    (tmp_path / "a.tfm").write_text("#Insight Transform File V1.0\nTransform: AffineTransform_double_3_3\n"
+                                    "Parameters: 1 0 0.02 0 1 0 0 0 1 0 0 0\nFixedParameters: 0 0 0\n")
+    motion = tmp_path / "motion.json"
+    motion.write_text(json.dumps({"version": 1, "modes": [{"name": "heart", "period_s": 1, "phases": [
+        {"phase": 0}, {"phase": 1, "field": "a.tfm"}]}]}))
+    plain = ReachTarget(fork, "guidewire-035-j", target=1, motion=str(motion))
+    assert plain.reset(seed=1)[0].shape == (36,)
+    seen = ReachTarget(fork, "guidewire-035-j", target=1, motion=str(motion), observe_phases=True)
+    observation = seen.reset(seed=1)[0]
+    assert observation.shape == seen.observation_space.shape == (37,) and observation[-1] == 0
+    for _ in range(50):
+        observation = seen.step([0.5, 0])[0]
+    assert observation[-1] == pytest.approx(1, abs=1e-6)  # half a second
+    with pytest.raises(xc.InputError, match="observe_phases: applies to a motion"):
+        ReachTarget(fork, "guidewire-035-j", observe_phases=True)

@@ -1,9 +1,13 @@
 """A scan at an instant of its motion."""
 import json
+import os
+import subprocess
 
 import numpy as np
 import pytest
 import xraycast as xc
+
+PROGRAM = os.environ.get("XRAYCAST_PROGRAM")
 
 # x shows what lies 8 mm to its left, and 2 mm and a tenth of the way to z = 0 higher.
 AFFINE = ("#Insight Transform File V1.0\nTransform: AffineTransform_double_3_3\n"
@@ -133,7 +137,7 @@ def test_frames_of_a_map_show_the_vessels_at_an_instant(motion, scan):
     both = [np.average(np.mgrid[:60, :60], axis=(1, 2), weights=np.stack([f.tau - body.render(**view).tau] * 2))
             for f in (frame, body.render(**view, vessels=there))]
     assert both[0] == pytest.approx(both[1], abs=0.1)
-    with pytest.warns(UserWarning, match="cast the map at the same instant"):
+    with pytest.raises(xc.InputError, match="give both of one instant"):
         scan.cast(layers=2).render(**view, vessels=tree, motion=motion, phase={"breath": 1})
     with pytest.raises(xc.InputError, match="motion: moves vessels; give vessels"):
         body.render(**view, motion=motion, phase={"breath": 1})
@@ -176,3 +180,65 @@ END
         scan.register_phases([up, up], tmp_path / "none", at=[0.5])
     with pytest.raises(xc.InputError, match="phases: must be a list"):
         scan.register_phases("up.nrrd", tmp_path / "none")
+
+
+@pytest.fixture(scope="module")
+def tube():
+    return xc.VesselTree([(np.array([[0, 0, -90, 3.0], [0, 0, 90, 3.0]]), -1)])
+
+
+@pytest.fixture
+def bending(tmp_path):
+    """Takes the tube aside, by up to 9 mm at its far end and not at its entry, there and back in a second."""
+    (tmp_path / "bend.tfm").write_text("#Insight Transform File V1.0\nTransform: AffineTransform_double_3_3\n"
+                                       "Parameters: 1 0 0.05 0 1 0 0 0 1 4.5 0 0\nFixedParameters: 0 0 0\n")
+    file = tmp_path / "bending.json"
+    file.write_text(json.dumps({"version": 1, "modes": [{"name": "heart", "period_s": 1, "phases": [
+        {"phase": 0}, {"phase": 1, "field": "bend.tfm"}]}]}))
+    return file
+
+
+def test_instruments_move_with_the_body(tube, bending):
+    script = [(0, 5, 0), (0.5, 100, 0), (2.5, 100, 0)]
+    run = xc.simulate(tube, ["microcatheter-27f"], script, entry=0, interval_s=0.01, motion=bending)
+    assert run.modes == ["heart"] and run.notes == []
+    heart = [xc.Motion.read(bending).phases(time)["heart"] for time in run.records["time_s"][:, 0]]
+    assert run.phases[:, 0] == pytest.approx(heart, abs=1e-9)
+    tip, scan = run.records["tip_mm"][:, 0], run.records["tip_scan_mm"][:, 0]
+    # In the tube, as far as 3 mm leave room, which is where the body shows it.
+    assert np.abs(scan[:, 0]).max() < 3
+    assert scan[:, 0] - tip[:, 0] == pytest.approx(run.phases[:, 0] * 0.05 * (tip[:, 2] + 90), abs=1e-3)
+    assert np.ptp(tip[-100:, 0]) > 3
+    assert run.records["wall_work_J"][-1, 0] != 0
+
+
+def test_what_is_held_at_the_scan_itself_is_still(tube, bending):
+    script = [(0, 5, 0), (0.3, 60, 90)]
+    still = xc.simulate(tube, ["microcatheter-27f"], script, entry=0)
+    held = xc.simulate(tube, ["microcatheter-27f"], script, entry=0, motion=bending, phase={"heart": 0})
+    assert np.array_equal(still.records, held.records)
+    assert still.modes == [] and still.phases.shape == (2, 0)
+
+
+def test_a_catheter_steps_in_a_body_that_moves(tube, bending):
+    catheter = xc.Catheter(tube, "microcatheter-27f", entry=0, motion=bending)
+    state = catheter.step(push_mm=60, ms=500)
+    assert state.phases == [pytest.approx(1)]
+    assert state.tip_scan_mm[0] - state.tip_mm[0] == pytest.approx(0.05 * (state.tip_mm[2] + 90), abs=1e-3)
+    with pytest.raises(xc.InputError, match="phase needs a motion"):
+        xc.Catheter(tube, "microcatheter-27f", phase={"heart": 0})
+
+
+@pytest.mark.skipif(not PROGRAM, reason="XRAYCAST_PROGRAM names no program")
+def test_the_program_writes_the_same_run(tube, bending, tmp_path):
+    tube.write(tmp_path / "tree.vtp")
+    (tmp_path / "push.csv").write_text("time_s,insertion_mm,rotation_deg\n0,5,0\n0.4,60,0\n")
+    done = subprocess.run([PROGRAM, "simulate", tmp_path, "--device-model", "microcatheter-27f", "--script", tmp_path / "push.csv",
+                           "--entry", "0", "--motion", bending, "-o", tmp_path / "log.csv", "--json"], check=True,
+                          capture_output=True)
+    result = json.loads(done.stdout)
+    assert result["phases"] == {"heart": pytest.approx(0.5 - 0.5 * np.cos(0.8 * np.pi))}
+    assert len(result["tip"]["scan_mm"]) == 3 and "wall_work_J" in result["tip"]
+    xc.simulate(xc.VesselTree.read(tmp_path), ["microcatheter-27f"], tmp_path / "push.csv", entry=0,
+                motion=bending).write(tmp_path / "again.csv")
+    assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "log.csv").read_bytes()

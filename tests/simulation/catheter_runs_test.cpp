@@ -7,6 +7,7 @@
 #include "xraycast/simulation/script.hpp"
 
 #include <fmt/format.h>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
@@ -17,6 +18,7 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <numbers>
 #include <optional>
 #include <random>
@@ -41,6 +43,65 @@ InstrumentModel fitting_instrument(const VesselTree& tree, const VesselEnd& entr
   return fit.at(random() % fit.size());
 }
 
+/// A displacement of up to so much that turns over some radii of the tree's extent, and rests at the entry.
+std::shared_ptr<const Displacement> waves(const VesselTree& tree, const VesselEnd& entry,
+                                          std::mt19937& random) {
+  constexpr double kNode_mm = 6, kAside_mm = 30, kRests_mm = 10, kFadesIn_mm = 60, kMost_mm = 8;
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution(low, high)(random);
+  };
+  glm::dvec3 low(1e9), high(-1e9);
+  for (const VesselBranch& branch : tree.branches())
+    for (const VesselPoint& point : branch.points) {
+      low = glm::min(low, point.position_mm);
+      high = glm::max(high, point.position_mm);
+    }
+  const glm::dvec3 extent_mm = high - low;
+  const double longest_mm = std::max({extent_mm.x, extent_mm.y, extent_mm.z});
+  const double most_mm = std::min(kMost_mm, 0.05 * longest_mm);
+  std::array<glm::dvec3, 3> waves;
+  std::array<double, 3> at;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    // Slopes of 0.15 at most, and as much where it fades in: a heart's.
+    waves[axis] =
+        glm::dvec3(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)) * (0.15 / most_mm / std::sqrt(3.0));
+    at[axis] = uniform(0, 2 * std::numbers::pi);
+  }
+  VectorImage field;
+  field.grid.origin_mm = low - kAside_mm;
+  field.grid.step_mm = glm::dmat3(kNode_mm);
+  const glm::dvec3 nodes = glm::ceil((extent_mm + 2 * kAside_mm) / kNode_mm) + 1.0;
+  field.grid.size = {static_cast<std::int64_t>(nodes.x), static_cast<std::int64_t>(nodes.y),
+                     static_cast<std::int64_t>(nodes.z)};
+  const glm::dvec3 entry_mm{entry.position_mm.x(), entry.position_mm.y(), entry.position_mm.z()};
+  for (std::int64_t k = 0; k < field.grid.size.z; ++k)
+    for (std::int64_t j = 0; j < field.grid.size.y; ++j)
+      for (std::int64_t i = 0; i < field.grid.size.x; ++i) {
+        const glm::dvec3 x = field.grid.to_world_mm({i, j, k});
+        const double share =
+            std::clamp((glm::distance(x, entry_mm) - kRests_mm) / kFadesIn_mm, 0.0, 1.0) * most_mm;
+        field.vectors.emplace_back(share * glm::dvec3(std::sin(glm::dot(waves[0], x) + at[0]),
+                                                      std::sin(glm::dot(waves[1], x) + at[1]),
+                                                      std::sin(glm::dot(waves[2], x) + at[2])));
+      }
+  return field_of(std::move(field), "waves");
+}
+
+/// A breath, and a heart through it, by chance.
+std::shared_ptr<const Motion> random_motion(const VesselTree& tree, const VesselEnd& entry, unsigned seed) {
+  std::mt19937 random(seed + 1000);
+  std::vector<MotionMode> modes{
+      {.name = "breath",
+       .period_s = std::uniform_real_distribution(2.0, 5.0)(random),
+       .waveform = {},
+       .keys = {{0, nullptr}, {1, waves(tree, entry, random)}}},
+      {.name = "heart",
+       .period_s = std::uniform_real_distribution(0.4, 1.2)(random),
+       .waveform = {},
+       .keys = {{0, nullptr}, {0.3, waves(tree, entry, random)}, {0.6, waves(tree, entry, random)}}}};
+  return std::make_shared<const Motion>(std::move(modes), "random");
+}
+
 struct Outcome {
   std::string tree, instrument;
   unsigned seed = 0;
@@ -51,15 +112,17 @@ struct Outcome {
   long contacts = 0;         ///< point by point, step by step
   double energy_growth = 0;  ///< with the hub at rest, relative to the energy then
   double return_mm = 0;      ///< of the tip, after pushing and pulling
+  bool ends_inside = true;   ///< no part of the axis lies outside of the wall then
   double real_time = 0;      ///< processor time over simulated time
 };
 
 class RandomRun {
  public:
-  RandomRun(const VesselTree& tree, const std::string& name, unsigned seed)
+  RandomRun(const VesselTree& tree, const std::string& name, unsigned seed, bool in_motion)
       : random_(seed),
         entry_(widest_end(tree)),
-        catheter_(tree, {fitting_instrument(tree, entry_, random_)}, entry_) {
+        motion_(in_motion ? random_motion(tree, entry_, seed) : nullptr),
+        catheter_(tree, {fitting_instrument(tree, entry_, random_)}, entry_, {.motion = motion_}) {
     run_.tree = name;
     run_.seed = seed;
     run_.instrument = catheter_.rod(0).instrument().name();
@@ -69,9 +132,15 @@ class RandomRun {
     const std::clock_t start = std::clock();
     const glm::dvec3 tip_mm = catheter_.tip(0).position_mm;
     move_at_random(2);
+    body_rests_ = true;
     rest(0.2);
+    body_rests_ = false;
     draw_out();
+    body_rests_ = true;
+    for (int i = 0; i < 300; ++i) step({});
     run_.return_mm = glm::distance(catheter_.tip(0).position_mm, tip_mm);
+    for (const WallContact::Contact& contact : catheter_.wall(0).contacts())
+      run_.ends_inside = run_.ends_inside && contact.sample.clearance_mm > 0;
     run_.real_time = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC / catheter_.time_s();
     return run_;
   }
@@ -118,7 +187,10 @@ class RandomRun {
   }
 
   void step(const HubPose& pose) {
-    catheter_.step(std::array{pose});
+    if (motion_ && !body_rests_)
+      catheter_.step(std::array{pose}, motion_->phases_at(body_s_ += catheter_.step_s()));
+    else
+      catheter_.step(std::array{pose});
     for (const Vector3d& node : catheter_.rod(0).state().nodes_mm)
       run_.is_finite = run_.is_finite && node.allFinite();
     // Between two iterations forces are not balanced: those steps are counted, and go on in the next.
@@ -175,20 +247,22 @@ class RandomRun {
       pose.rotation_rad -= std::clamp(pose.rotation_rad, -0.01, 0.01);
       step(pose);
     }
-    for (int i = 0; i < 300; ++i) step({});
   }
 
   std::mt19937 random_;
   VesselEnd entry_;
+  std::shared_ptr<const Motion> motion_;  ///< none: the body is still
+  bool body_rests_ = false;
+  double body_s_ = 0;
   Instruments catheter_;
   std::vector<Vector3d> net_N_;
   Outcome run_;
 };
 
-void write_table(const std::vector<Outcome>& runs) {
+void write_table(const std::vector<Outcome>& runs, const std::string& suffix = {}) {
   const char* folder = std::getenv("XRAYCAST_RUNS_TABLES");
   if (!folder || runs.empty()) return;
-  std::ofstream table(fs::path(folder) / (runs.front().tree + ".csv"));
+  std::ofstream table(fs::path(folder) / (runs.front().tree + suffix + ".csv"));
   table
       << "seed,tree,instrument,finite,deepest_mm,beyond_static_mm,contacts,energy_growth,return_mm,real_time,"
          "unsolved\n";
@@ -205,7 +279,7 @@ TEST_P(RandomScripts, BreakNothing) {
   if (!tree) GTEST_SKIP() << "XRAYCAST_TEST_DATA has no " << GetParam();
   std::vector<Outcome> runs;
   for (const unsigned seed : seeds_a_tree(100)) {
-    runs.push_back(RandomRun(*tree, GetParam(), seed).go());
+    runs.push_back(RandomRun(*tree, GetParam(), seed, false).go());
     const Outcome& run = runs.back();
     const std::string where = fmt::format("seed {}: {} in {}", run.seed, run.instrument, run.tree);
     EXPECT_TRUE(run.is_finite) << where;
@@ -217,6 +291,29 @@ TEST_P(RandomScripts, BreakNothing) {
     EXPECT_LT(run.real_time, 1) << where;
   }
   write_table(runs);
+}
+
+TEST_P(RandomScripts, BreakNothingInABodyThatMoves) {
+  const std::optional<VesselTree> tree = parse_tree(GetParam());
+  if (!tree) GTEST_SKIP() << "XRAYCAST_TEST_DATA has no " << GetParam();
+  std::vector<Outcome> runs;
+  for (const unsigned seed : seeds_a_tree(50)) {
+    runs.push_back(RandomRun(*tree, GetParam(), seed, true).go());
+    const Outcome& run = runs.back();
+    const std::string where = fmt::format("seed {}: {} in {}", run.seed, run.instrument, run.tree);
+    EXPECT_TRUE(run.is_finite) << where;
+    EXPECT_LT(run.energy_growth, 1e-9) << where;  // while the body is held
+    EXPECT_LT(run.return_mm, 1) << where;
+    EXPECT_LT(run.unsolved, 0.02 * run.steps) << where;  // while tips snap
+    EXPECT_LT(run.real_time, 1.5) << where;
+    // What presses it does not count the instrument's inertia, against walls that come at some 0.1 m/s. Where
+    // instruments fill vessels that are stretched by millimetres, they are pulled through their walls.
+    const bool has_room = run.tree == "thorax" || run.tree == "head";
+    if (!has_room) continue;
+    EXPECT_TRUE(run.ends_inside) << where;
+    EXPECT_LT(run.beyond_static_mm, 0.5) << where;
+  }
+  write_table(runs, "-moving");
 }
 
 INSTANTIATE_TEST_SUITE_P(, RandomScripts, testing::ValuesIn(kTrees),

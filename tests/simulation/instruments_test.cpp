@@ -230,7 +230,7 @@ TEST(Instruments, AScriptLeadsToTheSameLogTwice) {
                              .entry = {glm::dvec3(-89, -54, -357)},
                              .script = script};
     Progress progress;
-    return to_csv(run(request, progress).records);
+    return to_csv(run(request, progress));
   };
   const std::string first = log();
   EXPECT_EQ(first, log());

@@ -603,6 +603,12 @@ Matrix3d LumenDistanceField::WallCurvature::matrix(const Vector3d& gradient) con
   return (sphere + transverse * transverse.transpose() / slope_change) / distance_mm;
 }
 
+Vector3d LumenDistanceField::WallCurvature::times(const Vector3d& gradient, const Vector3d& vector) const {
+  const Vector3d by_sphere = vector - gradient.dot(vector) * gradient;
+  if (!(slope_change < 0)) return by_sphere / distance_mm;
+  return (by_sphere + transverse.dot(vector) / slope_change * transverse) / distance_mm;
+}
+
 Matrix3d LumenDistanceField::Sample::curvature() const {
   const WallCurvature* one = std::get_if<WallCurvature>(&wall);
   return one ? one->matrix(gradient) : std::get<Matrix3d>(wall);

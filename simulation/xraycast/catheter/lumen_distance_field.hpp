@@ -38,6 +38,8 @@ class LumenDistanceField {
     double slope_change;  ///< second derivative of the clearance along the centreline; below zero but at a
                           ///< bend's focus
     Eigen::Matrix3d matrix(const Eigen::Vector3d& gradient) const;
+    /// That times a vector.
+    Eigen::Vector3d times(const Eigen::Vector3d& gradient, const Eigen::Vector3d& vector) const;
   };
   struct Sample {
     double clearance_mm = 0;            ///< to the wall; below zero outside

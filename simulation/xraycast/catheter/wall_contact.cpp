@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -24,6 +25,11 @@ constexpr double kIntroducer_N_mm2 = 20, kIntroducerFade_mm = 5;
 constexpr double kStiffeningStrain = 0.2, kMinStiffening_mm = 0.3, kMaxStiffening_mm = 1;
 double squared(double x) { return x * x; }
 
+// While the body moves, a contact's place in the scan is looked up each so many steps, by turns of so many
+// contacts, which share what is looked up; in between it goes on by its speed and its change. A beating heart
+// leaves that by 0.001 mm in the median, and by up to 0.02 mm where a wave of its contraction begins.
+constexpr std::size_t kLookUpSteps = 8, kContactsOfTurn = 8;
+
 double stiffening_mm(const LumenDistanceField::Sample& sample) {
   return std::clamp(kStiffeningStrain * sample.radius_mm, kMinStiffening_mm, kMaxStiffening_mm);
 }
@@ -37,6 +43,28 @@ Eigen::Matrix3d projected_psd(const Eigen::Matrix3d& matrix) {
 }
 
 [[gnu::always_inline]] inline Lanes lanes_of(const Vector3d& v) { return Lanes{0, v[0], v[1], v[2]}; }
+
+// Vectors of three with a fourth number, 0, and matrices by columns of them: of a body that moves.
+using Column = std::array<double, kLanes>;
+using Columns = std::array<Column, 3>;
+[[gnu::always_inline]] inline Lanes padded(const Vector3d& v) { return Lanes{v[0], v[1], v[2], 0}; }
+[[gnu::always_inline]] inline Vector3d unpadded(const Lanes& v) { return {v[0], v[1], v[2]}; }
+[[gnu::always_inline]] inline Lanes times(const Columns& matrix, const Lanes& v) {
+  return v[0] * load(matrix[0].data()) + v[1] * load(matrix[1].data()) + v[2] * load(matrix[2].data());
+}
+[[gnu::always_inline]] inline Lanes transposed_times(const Columns& matrix, const Vector3d& v) {
+  const std::array<Lanes, kLanes> rows =
+      transposed(load(matrix[0].data()), load(matrix[1].data()), load(matrix[2].data()), Lanes{});
+  return v[0] * rows[0] + v[1] * rows[1] + v[2] * rows[2];
+}
+/// Of its inverse, from its columns.
+Columns inverse_rows(const Columns& matrix) {
+  const Vector3d a(matrix[0].data()), b(matrix[1].data()), c(matrix[2].data());
+  const Vector3d bc = b.cross(c), ca = c.cross(a), ab = a.cross(b);
+  const double by = 1 / a.dot(bc);
+  return {Column{by * bc[0], by * bc[1], by * bc[2], 0}, Column{by * ca[0], by * ca[1], by * ca[2], 0},
+          Column{by * ab[0], by * ab[1], by * ab[2], 0}};
+}
 [[gnu::always_inline]] inline void add_matrix(const Eigen::Matrix3d& matrix, std::array<Lanes, kLanes>& to) {
   for (Eigen::Index c = 0; c < 3; ++c) to[static_cast<std::size_t>(c) + 1] += lanes_of(matrix.col(c));
 }
@@ -58,11 +86,13 @@ double voronoi_length_mm(const Rod& rod, std::size_t index, std::size_t node) {
 }  // namespace
 
 WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const Rod& rod,
-                         const Options& options, const std::optional<Introducer>& introducer)
+                         const Options& options, const std::optional<Introducer>& introducer,
+                         std::shared_ptr<MovingBody> body)
     : field_(std::move(field)),
       options_(options),
       introducer_(introducer),
-      radius_mm_(rod.instrument().radius_mm()) {
+      radius_mm_(rod.instrument().radius_mm()),
+      body_(std::move(body)) {
   contacts_.reserve(contact_count(rod.max_nodes()));
   states_.reserve(contact_count(rod.max_nodes()));
   queries_.reserve(contact_count(rod.max_nodes()));
@@ -71,11 +101,19 @@ WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const 
   groups_.reserve(contact_count(rod.max_nodes()) / kContactGroup + 1);
   contacts_.resize(contact_count(rod.node_count()));
   states_.resize(contacts_.size());
+  if (body_) {
+    moving_.reserve(contact_count(rod.max_nodes()));
+    moving_.resize(contacts_.size());
+  }
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     contacts_[k].point = contact_point(k, rod.node_count());
     const Vector3d position_mm = contacts_[k].point.position_mm(rod.state());
-    states_[k].hint = field_->locate(position_mm);
+    states_[k].hint = field_->locate(in_scan_mm(k, position_mm));
     sample_wall(k, position_mm);
+    if (body_) {
+      rescale(k, scale_now(k));
+      take_depth(k);
+    }
     states_[k].stiffening_mm = stiffening_mm(contacts_[k].sample);
   }
 }
@@ -87,12 +125,15 @@ void WallContact::node_added() {
   state.hint = states_.front().hint;
   state.stiffening_mm = states_.front().stiffening_mm;
   state.sampled_at_mm = states_.front().sampled_at_mm;
+  state.scale = states_.front().scale;
   states_.insert(states_.begin(), 2, state);
+  if (body_) moving_.insert(moving_.begin(), 2, MovingPoint(moving_.front()));
 }
 
 void WallContact::node_removed() {
   contacts_.erase(contacts_.begin(), contacts_.begin() + 2);
   states_.erase(states_.begin(), states_.begin() + 2);
+  if (body_) moving_.erase(moving_.begin(), moving_.begin() + 2);
 }
 
 // ---- the wall -------------------------------------------------------------------------------------------
@@ -113,15 +154,39 @@ double WallContact::introducer_energy_uJ(const Vector3d& point_mm, std::size_t i
   return stiffness_mN_mm > 0 ? 0.5 * stiffness_mN_mm * off_axis_mm(point_mm).squaredNorm() : 0;
 }
 
-void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
-  contacts_[index].sample = field_->at(point_mm, states_[index].hint);
-  take_sample(index, point_mm);
+/// What a contact's point shows at a place of the body.
+[[gnu::always_inline]] inline Vector3d WallContact::in_scan_mm(std::size_t index, const Vector3d& point_mm) {
+  if (!body_) return point_mm;
+  MovingPoint& moving = moving_[index];
+  if (!is_following_) look_up(index, point_mm, false);
+  return unpadded(load(moving.scan_mm.data()) +
+                  times(moving.jacobian, padded(point_mm) - load(moving.body_mm.data())));
 }
 
-void WallContact::take_sample(std::size_t index, const Vector3d& point_mm) {
+void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
+  const Vector3d place_mm = in_scan_mm(index, point_mm);
+  contacts_[index].sample = field_->at(place_mm, states_[index].hint);
+  take_sample(index, place_mm);
+}
+
+[[gnu::always_inline]] inline void WallContact::take_sample(std::size_t index, const Vector3d& point_mm) {
+  Contact& contact = contacts_[index];
+  if (body_) {
+    MovingPoint& moving = moving_[index];
+    moving.gradient = contact.sample.gradient;
+    // Where a contact may begin: that of another side of the vessel would make it jump later.
+    if (is_following_ && contact.depth_mm == 0) states_[index].scale = scale_now(index);
+    const double scale = states_[index].scale;
+    contact.sample.clearance_mm *= scale;
+    contact.sample.gradient = scale * unpadded(transposed_times(moving.jacobian, moving.gradient));
+  }
+  take_depth(index);
+  states_[index].sampled_at_mm = point_mm;
+}
+
+void WallContact::take_depth(std::size_t index) {
   Contact& contact = contacts_[index];
   contact.depth_mm = states_[index].is_covered ? 0 : std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
-  states_[index].sampled_at_mm = point_mm;
 }
 
 /// False where the contact is up to date, or becomes so because the point is known to be clear of the wall.
@@ -137,8 +202,9 @@ bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
   }
   const LumenDistanceField::Sample& sample = contacts_[index].sample;
   const double clear_mm = sample.clearance_mm - radius_mm_;
+  const double slope = kMaxSlope * states_[index].scale;
   if (sample.hint.branch == states_[index].hint.branch && clear_mm > 0 &&
-      squared(kMaxSlope) * moved_mm2 < squared(clear_mm)) {
+      squared(slope) * moved_mm2 < squared(clear_mm)) {
     contacts_[index].depth_mm = 0;
     return false;
   }
@@ -146,17 +212,160 @@ bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
 }
 
 /// Samples the wall at all points that need it at once.
+XRAYCAST_WIDE_VECTORS
 void WallContact::sample_walls(const RodState& rod) {
   queries_.clear();
   asking_.clear();
   for (const std::size_t k : acting_) {
-    const Vector3d point_mm = contacts_[k].point.position_mm(rod);
-    if (!needs_sample(k, point_mm)) continue;
-    queries_.push_back({point_mm, states_[k].hint, &contacts_[k].sample});
-    asking_.push_back(k);
+    const Vector3d place_mm = in_scan_mm(k, contacts_[k].point.position_mm(rod));
+    if (needs_sample(k, place_mm)) ask(k, place_mm, states_[k].hint);
   }
+  take_answers();
+}
+
+void WallContact::ask(std::size_t index, const Vector3d& in_scan_mm,
+                      const LumenDistanceField::SearchHint& from) {
+  queries_.push_back({in_scan_mm, from, &contacts_[index].sample});
+  asking_.push_back(index);
+}
+
+XRAYCAST_WIDE_VECTORS
+void WallContact::take_answers() {
   field_->sample(queries_);
   for (std::size_t q = 0; q < asking_.size(); ++q) take_sample(asking_[q], queries_[q].point_mm);
+}
+
+// ---- a body that moves ----------------------------------------------------------------------------------
+
+/// By which a clearance in the scan becomes one in the body: the inverse of the slope across the wall.
+double WallContact::scale_now(std::size_t index) const {
+  const MovingPoint& moving = moving_[index];
+  const Lanes by_body = transposed_times(moving.jacobian, moving.gradient);
+  const Lanes in_scan = padded(moving.gradient);
+  const double slope2 = sum(by_body * by_body);
+  return slope2 > 0 ? std::sqrt(sum(in_scan * in_scan) / slope2) : 1;
+}
+
+void WallContact::rescale(std::size_t index, double scale) {
+  Contact& contact = contacts_[index];
+  const double by = scale / states_[index].scale;
+  states_[index].scale = scale;
+  contact.sample.clearance_mm *= by;
+  contact.sample.gradient *= by;
+  if (contact.depth_mm > 0) contact.depth_mm = std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
+}
+
+/// Minus the second derivative of the clearance in the body; where the way to the scan bends, which it does
+/// over centimetres, is left out.
+[[gnu::always_inline]] inline Eigen::Matrix3d WallContact::curvature(std::size_t index) const {
+  const LumenDistanceField::Sample& sample = contacts_[index].sample;
+  if (!body_ || body_->is_still()) return sample.curvature();
+  const Columns& jacobian = moving_[index].jacobian;
+  const double scale = states_[index].scale;
+  const auto* one = std::get_if<LumenDistanceField::WallCurvature>(&sample.wall);
+  Columns curved;
+  if (one) {
+    // As WallCurvature::matrix.
+    const Lanes across = transposed_times(jacobian, moving_[index].gradient),
+                along = transposed_times(jacobian, one->transverse);
+    const double by_along = one->slope_change < 0 ? 1 / one->slope_change : 0;
+    for (std::size_t c = 0; c < 3; ++c)
+      store(curved[c].data(),
+            (scale / one->distance_mm) * (transposed_times(jacobian, Vector3d(jacobian[c].data())) -
+                                          across[c] * across + (by_along * along[c]) * along));
+  } else {
+    const auto& in_scan = std::get<Eigen::Matrix3d>(sample.wall);
+    for (std::size_t c = 0; c < 3; ++c)
+      store(curved[c].data(),
+            scale * transposed_times(jacobian, Vector3d(in_scan * Vector3d(jacobian[c].data()))));
+  }
+  Eigen::Matrix3d matrix;
+  for (std::size_t c = 0; c < 3; ++c) matrix.col(static_cast<Eigen::Index>(c)) = Vector3d(curved[c].data());
+  return matrix;
+}
+
+XRAYCAST_WIDE_VECTORS
+void WallContact::follow_body(const Rod& rod) {
+  is_following_ = starts_anew_ = true;
+  ++followed_;
+  queries_.clear();
+  asking_.clear();
+  for (std::size_t k = 0; k < contacts_.size(); ++k) follow_body(rod, k);
+  take_answers();
+}
+
+/// Where the wall is out of reach, that is all; else it is shifted or, where it was not sampled as the last
+/// step ended, sampled anew.
+[[gnu::always_inline]] inline void WallContact::follow_body(const Rod& rod, std::size_t index) {
+  Contact& contact = contacts_[index];
+  MovingPoint& moving = moving_[index];
+  contact.point = contact_point(index, rod.node_count());
+  const Vector3d point_mm = contact.point.position_mm(rod.state());
+  const Lanes off_mm = padded(point_mm) - load(moving.body_mm.data()),
+              before_mm = load(moving.scan_mm.data()) + times(moving.jacobian, off_mm);
+  const std::size_t turn = followed_ + (contacts_.size() - index) / kContactsOfTurn;
+  if (!was_following_) {
+    moving.moved_change_mm = {};
+    moving.jacobian_change = {};
+    look_up(index, point_mm, false);
+  } else {
+    add_to(moving.moved_mm.data(), load(moving.moved_change_mm.data()));
+    for (std::size_t c = 0; c < 3; ++c)
+      add_to(moving.jacobian[c].data(), load(moving.jacobian_change[c].data()));
+    store(moving.scan_mm.data(),
+          load(moving.scan_mm.data()) + times(moving.jacobian, off_mm) + load(moving.moved_mm.data()));
+    store(moving.body_mm.data(), padded(point_mm));
+    if (turn % kLookUpSteps == 0) look_up(index, point_mm, true);
+  }
+  const Lanes by_mm = before_mm - load(moving.scan_mm.data());
+  moving.wall_moved_mm = unpadded(transposed_times(moving.to_body, unpadded(by_mm)));
+  const Vector3d place_mm = unpadded(load(moving.scan_mm.data()));
+  if (!needs_sample(index, place_mm)) return;
+  constexpr double kSame_mm = 1e-6;
+  const bool is_sampled =
+      (unpadded(before_mm) - states_[index].sampled_at_mm).squaredNorm() < squared(kSame_mm);
+  if (is_sampled && !states_[index].is_covered)
+    shift_wall(index, unpadded(by_mm));
+  else
+    ask(index, place_mm, contact.sample.hint);
+}
+
+/// `goes_on`: what it has become by its course so far corrects that.
+void WallContact::look_up(std::size_t index, const Vector3d& point_mm, bool goes_on) {
+  MovingPoint& moving = moving_[index];
+  const MovingBody::Place place = body_->place(point_mm);
+  if (goes_on) {
+    const Lanes share = all<Lanes>(1.0 / kLookUpSteps);
+    const auto correct = [share](Column & change, const Column& is, const Column& became)
+        __attribute__((always_inline)) {
+      add_to(change.data(), share * (load(is.data()) - load(became.data())));
+    };
+    correct(moving.moved_change_mm, place.moved_mm, moving.moved_mm);
+    for (std::size_t c = 0; c < 3; ++c)
+      correct(moving.jacobian_change[c], place.jacobian[c], moving.jacobian[c]);
+  }
+  store(moving.body_mm.data(), padded(point_mm));
+  moving.scan_mm = place.scan_mm;
+  moving.moved_mm = place.moved_mm;
+  moving.jacobian = place.jacobian;
+  if (is_following_) moving.to_body = inverse_rows(place.jacobian);
+}
+
+/// To second order, without another sample: what the wall's material brings, which is `moved_mm` away in the
+/// scan, is as far from the rod as that lay from it before.
+void WallContact::shift_wall(std::size_t index, const Vector3d& moved_mm) {
+  Contact& contact = contacts_[index];
+  const MovingPoint& moving = moving_[index];
+  LumenDistanceField::Sample& sample = contact.sample;
+  const auto* one = std::get_if<LumenDistanceField::WallCurvature>(&sample.wall);
+  const Vector3d turned = one ? one->times(moving.gradient, moved_mm)
+                              : Vector3d(std::get<Eigen::Matrix3d>(sample.wall) * moved_mm);
+  const double in_scan_mm =
+      sample.clearance_mm / states_[index].scale - (moving.gradient + 0.5 * turned).dot(moved_mm);
+  const double scale = states_[index].scale = scale_now(index);
+  sample.clearance_mm = scale * in_scan_mm;
+  sample.gradient = scale * unpadded(transposed_times(moving.jacobian, Vector3d(moving.gradient + turned)));
+  contact.depth_mm = std::max(0.0, radius_mm_ - sample.clearance_mm);
 }
 
 Vector3d WallContact::off_axis_mm(const Vector3d& point_mm) const {
@@ -194,11 +403,13 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index, double bare_m
   const double inside = fraction_inside(rod, contact.point);
   state.introducer_mN_mm =
       kIntroducer_N_mm2 / kMilli * state.voronoi_length_mm * inside * inside * (3 - 2 * inside);
-  state.start_mm = contact.point.position_mm(rod.state());
+  state.start_mm = state.anchor_mm = contact.point.position_mm(rod.state());
+  if (is_following_) state.anchor_mm += moving_[index].wall_moved_mm;
   state.introducer_uJ = introducer_energy_uJ(state.start_mm, index);
   update_hint(index);
   // What was sampled within another instrument has no depth.
   if (had_no_depth && !state.is_covered) sample_wall(index, state.start_mm);
+  if (body_ && !is_following_) hold_scale(index);
   if (contact.depth_mm > 0) return begin_friction(rod.state().edges[contact.point.edge].tangent, index);
   state.friction.limit_mN = 0;
   // The step may begin again, and uncover it.
@@ -239,8 +450,14 @@ void WallContact::update_hint(std::size_t index) {
     state.hint = contacts_[index - 1].sample.hint;
   if (state.hint.branch != branch_before)
     sample_wall(index, state.start_mm);
-  else if (needs_sample(index, state.start_mm))
+  else if (!starts_anew_ && needs_sample(index, in_scan_mm(index, state.start_mm)))
     sample_wall(index, state.start_mm);
+}
+
+/// In a body that is held, but for what would make a contact deeper, or begin one: that would make energy.
+void WallContact::hold_scale(std::size_t index) {
+  const double now = scale_now(index), clearance_mm = contacts_[index].sample.clearance_mm;
+  if (now / states_[index].scale * clearance_mm >= std::min(clearance_mm, radius_mm_)) rescale(index, now);
 }
 
 void WallContact::begin_friction(const Vector3d& rod_tangent, std::size_t index) {
@@ -287,7 +504,7 @@ void WallContact::add_to_group(std::size_t index, RubbingGroup& group) const {
     group.limit_mN[k] = state.friction.limit_mN;
     group.start_along_mm[k] = state.start_slip_mm[0];
     group.start_around_mm[k] = state.start_slip_mm[1];
-    set_lane(state.start_mm, k, group.start_mm);
+    set_lane(state.anchor_mm, k, group.anchor_mm);
     set_lane(state.t1, k, group.t1);
     set_lane(state.t2, k, group.t2);
   }
@@ -298,7 +515,7 @@ void WallContact::add_to_group(std::size_t index, RubbingGroup& group) const {
 Vector2d WallContact::slip_mm(const RodState& rod, std::size_t index) const {
   const FrictionState& state = states_[index];
   const RodPoint& point = contacts_[index].point;
-  const Vector3d moved = point.position_mm(rod) - state.start_mm;
+  const Vector3d moved = point.position_mm(rod) - state.anchor_mm;
   return {state.start_slip_mm[0] + moved.dot(state.t1),
           state.start_slip_mm[1] + moved.dot(state.t2) + radius_mm_ * point.theta_rad(rod)};
 }
@@ -312,7 +529,7 @@ struct WallContact::GroupFriction {
                         end_mm = positions_mm(rod, group.edges, 1);
     const Triple<Lanes> moved =
         (lanes_of(group.start_weights) * start_mm + lanes_of(group.end_weights) * end_mm) -
-        triple_of(group.start_mm);
+        triple_of(group.anchor_mm);
     Lanes theta_rad, next_theta_rad;
     const std::size_t last = rod.thetas_rad.size() - 1;
     for (std::size_t k = 0; k < kContactGroup; ++k) {
@@ -338,7 +555,7 @@ double WallContact::friction_uJ(const RodState& rod) const {
 }
 
 double WallContact::energy_uJ(const RodState& rod) {
-  sample_walls(rod);
+  if (!std::exchange(starts_anew_, false)) sample_walls(rod);
   double energy = friction_uJ(rod);
   for (const std::size_t k : acting_) {
     FrictionState& state = states_[k];
@@ -386,7 +603,7 @@ struct WallContact::Derivatives {
     const Vector3d& inward = contact.sample.gradient;
     of.gradient -= force_mN * lanes_of(inward);
     // The normal force turns as the point moves along a curved wall.
-    Eigen::Matrix3d wall = stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature();
+    Eigen::Matrix3d wall = stiffness * inward * inward.transpose() + force_mN * curvature(index);
     if (project_psd) wall = projected_psd(wall);
     add_matrix(wall, of.hessian);
   }
@@ -435,6 +652,7 @@ void WallContact::end_step(const RodState& rod) {
       contact.introducer_N = -kMilli * state.introducer_mN_mm * off_axis_mm(contact.point.position_mm(rod));
     contact.friction_N.setZero();
     state.stick_mm.setZero();
+    if (is_following_) work_uJ_ += contact.normal_N.dot(moving_[k].wall_moved_mm) / kMilli;
     if (!state.friction.is_active()) continue;
 
     // Where it slipped in the last step, the limit was the kinetic one already.
@@ -443,8 +661,12 @@ void WallContact::end_step(const RodState& rod) {
     contact.slips = returned.slips;
     contact.friction_N = kMilli * (returned.force_mN[0] * state.t1 + returned.force_mN[1] * state.t2);
     state.stick_mm = returned.displacement_mm[0] * state.t1 + returned.displacement_mm[1] * state.t2;
+    if (is_following_) work_uJ_ += contact.friction_N.dot(moving_[k].wall_moved_mm) / kMilli;
   }
+  was_following_ = std::exchange(is_following_, false);
 }
+
+double WallContact::work_J() const { return kMicro * work_uJ_; }
 
 double WallContact::energy_J() const { return kMicro * stored_uJ(); }
 

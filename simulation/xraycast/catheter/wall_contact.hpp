@@ -1,11 +1,13 @@
 #pragma once
 
 #include "xraycast/catheter/lumen_distance_field.hpp"
+#include "xraycast/catheter/moving_body.hpp"
 #include "xraycast/mechanics/contact_groups.hpp"
 #include "xraycast/mechanics/friction.hpp"
 #include "xraycast/mechanics/rod.hpp"
 
 #include <Eigen/Core>
+#include <array>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -26,6 +28,12 @@ namespace xraycast {
 ///
 /// At the entry an introducer keeps the part of the rod not yet fed through it on its axis, without friction;
 /// its stiffness fades out over its last millimetres, so that no force jumps when a point leaves it.
+///
+/// In a body that moves the wall is where the body shows it. A contact's point, in the body's millimetres,
+/// shows a place of the scan, and the clearance there is taken back by the slope of the way across the wall,
+/// so that depths are the body's. While the body moves, the way from body to scan is linear about each
+/// contact in a step, its derivative renewed every few steps; while it is held, it is exact. The wall's
+/// material takes the friction springs' anchors along, and does work on the rod; the introducer stays.
 class WallContact final : public ExternalPotential {
  public:
   struct Options {
@@ -38,15 +46,19 @@ class WallContact final : public ExternalPotential {
     Eigen::Vector3d axis{0, 0, 1};     ///< unit, into the vessel
   };
 
-  /// `rod`'s contact points are located in the whole field once, here.
+  /// `rod`'s contact points are located in the whole field once, here. `body`: that moves, of whose scan the
+  /// field is; none: it is still.
   WallContact(std::shared_ptr<const LumenDistanceField> field, const Rod& rod, const Options& options,
-              const std::optional<Introducer>& introducer = std::nullopt);
+              const std::optional<Introducer>& introducer = std::nullopt,
+              std::shared_ptr<MovingBody> body = nullptr);
 
   /// The wall's action on a point of the rod, as of the end of the last step.
   struct Contact {
     RodPoint point;
-    LumenDistanceField::Sample sample;  ///< on the rod's axis there, or nearby while the wall is out of reach
-    double depth_mm = 0;                ///< of the rod's surface in the wall; 0 without contact
+    /// On the rod's axis there, or nearby while the wall is out of reach: clearance and gradient of the body,
+    /// all else of the scan.
+    LumenDistanceField::Sample sample;
+    double depth_mm = 0;  ///< of the rod's surface in the wall; 0 without contact
     Eigen::Vector3d normal_N{0, 0, 0}, friction_N{0, 0, 0};
     Eigen::Vector3d introducer_N{0, 0, 0};  ///< completes the balance of forces on the rod
     bool slips = false;
@@ -56,6 +68,16 @@ class WallContact final : public ExternalPotential {
 
   /// The wall's force on contact number `index` if it were at this depth.
   double wall_force_N(double depth_mm, std::size_t index) const;
+
+  /// The body has moved since the last step: the wall takes its place as the next one ends. Before that
+  /// step; a step without finds the body held.
+  void follow_body(const Rod& rod);
+
+  /// Of the moving wall on the rod, by the forces at the end of each step, since the beginning.
+  double work_J() const;
+
+  /// What the place of the rod's tip shows.
+  const Eigen::Vector3d& tip_in_scan_mm() const { return states_.back().sampled_at_mm; }
 
   /// In the wall, in the friction springs, and in the introducer.
   double energy_J() const;
@@ -78,13 +100,31 @@ class WallContact final : public ExternalPotential {
     double stiffening_mm = 1;  ///< depth at which the wall is twice as stiff, as of the start of the contact
     Friction friction;
     Eigen::Vector3d start_mm{0, 0, 0};         ///< as the step begins
+    Eigen::Vector3d anchor_mm{0, 0, 0};        ///< where the wall takes that in the step
     Eigen::Vector3d t1{0, 0, 0}, t2{0, 0, 0};  ///< tangents of the wall, along and around the rod
     Eigen::Vector3d stick_mm{0, 0, 0};         ///< displacement of the friction spring, in space
     Eigen::Vector2d start_slip_mm{0, 0};       ///< the same in t1, t2, as the step begins
     double introducer_mN_mm = 0, introducer_uJ = 0;
-    Eigen::Vector3d sampled_at_mm{0, 0, 0};
-    bool is_covered = false;   ///< by another instrument
-    bool was_covered = false;  ///< as the last step ended
+    Eigen::Vector3d sampled_at_mm{0, 0, 0};  ///< in the scan
+    double scale = 1;                        ///< of the body's clearance by the scan's
+    bool is_covered = false;                 ///< by another instrument
+    bool was_covered = false;                ///< as the last step ended
+  };
+  /// What a contact needs to know of the body that moves. Vectors have a fourth number, 0; matrices are
+  /// columns of them.
+  struct MovingPoint {
+    using Column = std::array<double, 4>;
+    using Columns = std::array<Column, 3>;
+    /// About the point, as the step ends: see MovingBody::Place.
+    Column body_mm{}, scan_mm{};
+    Columns jacobian{};
+    Eigen::Vector3d gradient{0, 0, 0};       ///< of the clearance in the scan
+    Eigen::Vector3d wall_moved_mm{0, 0, 0};  ///< of the wall's material, in the step
+    Column moved_mm{};
+    /// By how much that and the jacobian change from step to step.
+    Column moved_change_mm{};
+    Columns jacobian_change{};
+    Columns to_body{};  ///< the inverse of the jacobian when it was looked up, by rows
   };
   /// Four contacts whose friction is evaluated at once. Those beyond `count` repeat the first one.
   struct RubbingGroup {
@@ -92,15 +132,25 @@ class WallContact final : public ExternalPotential {
     std::size_t count = 0;
     GroupNumbers start_weights{}, end_weights{}, theta_weights{}, next_theta_weights{};  ///< see RodPoint
     GroupNumbers spring_mN_mm{}, limit_mN{}, start_along_mm{}, start_around_mm{};
-    GroupVectors start_mm{}, t1{}, t2{};
+    GroupVectors anchor_mm{}, t1{}, t2{};
   };
   struct GroupFriction;
   double wall_energy_uJ(double depth_mm, std::size_t index) const;
   double introducer_energy_uJ(const Eigen::Vector3d& point_mm, std::size_t index) const;
+  Eigen::Vector3d in_scan_mm(std::size_t index, const Eigen::Vector3d& point_mm);
   void sample_wall(std::size_t index, const Eigen::Vector3d& point_mm);
-  void take_sample(std::size_t index, const Eigen::Vector3d& point_mm);
-  bool needs_sample(std::size_t index, const Eigen::Vector3d& point_mm);
+  void take_sample(std::size_t index, const Eigen::Vector3d& in_scan_mm);
+  void take_depth(std::size_t index);
+  bool needs_sample(std::size_t index, const Eigen::Vector3d& in_scan_mm);
+  void follow_body(const Rod& rod, std::size_t index);
+  void shift_wall(std::size_t index, const Eigen::Vector3d& moved_mm);
+  void look_up(std::size_t index, const Eigen::Vector3d& point_mm, bool goes_on);
+  double scale_now(std::size_t index) const;
+  void rescale(std::size_t index, double scale);
+  Eigen::Matrix3d curvature(std::size_t index) const;
   void sample_walls(const RodState& state);
+  void ask(std::size_t index, const Eigen::Vector3d& in_scan_mm, const LumenDistanceField::SearchHint& from);
+  void take_answers();
   void make_groups();
   void add_to_group(std::size_t index, RubbingGroup& group) const;
   double friction_uJ(const RodState& state) const;
@@ -112,6 +162,7 @@ class WallContact final : public ExternalPotential {
   void add_wall(const RodState& state, std::size_t index, bool project_psd, Derivatives& of) const;
   void begin_contact(const Rod& rod, std::size_t index, double bare_mm);
   void update_hint(std::size_t index);
+  void hold_scale(std::size_t index);
   void begin_friction(const Eigen::Vector3d& rod_tangent, std::size_t index);
   double fraction_inside(const Rod& rod, const RodPoint& point) const;
   double fraction_bare(const Rod& rod, std::size_t index, double bare_mm) const;
@@ -123,8 +174,15 @@ class WallContact final : public ExternalPotential {
   Options options_;
   std::optional<Introducer> introducer_;
   double radius_mm_;
+  std::shared_ptr<MovingBody> body_;
+  bool is_following_ = false;   ///< the body moves in this step
+  bool was_following_ = false;  ///< and in the last one
+  bool starts_anew_ = false;  ///< what it leads to where the step begins is known, and was not yet asked for
+  std::size_t followed_ = 0;  ///< steps
+  double work_uJ_ = 0;
   std::vector<Contact> contacts_;
   std::vector<FrictionState> states_;
+  std::vector<MovingPoint> moving_;                 ///< none in a still body
   std::vector<std::size_t> acting_;                 ///< of a step: those that are not covered
   std::vector<RubbingGroup> groups_;                ///< of a step: those of them that have friction
   std::vector<LumenDistanceField::Query> queries_;  ///< of a state, and the contacts that ask

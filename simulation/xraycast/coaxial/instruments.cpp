@@ -3,6 +3,8 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/mechanics/vectors.hpp"
 
+#include <glm/matrix.hpp>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 
@@ -37,6 +39,20 @@ Rod::Clamp clamp_at(const VesselEnd& entry) {
           .m1 = axis.unitOrthogonal()};
 }
 
+/// Where an end of the tree is in the body.
+VesselEnd in_body(VesselEnd end, MovingBody* body) {
+  if (!body) return end;
+  const HeldMotion held = body->motion().held_at(body->phases());
+  end.position_mm = to_eigen(held.inverse_mm(to_glm(end.position_mm)).x_mm);
+  const glm::dvec3 outward = glm::inverse(held.jacobian(to_glm(end.position_mm))) * to_glm(end.outward);
+  end.outward = to_eigen(outward).normalized();
+  return end;
+}
+
+std::shared_ptr<MovingBody> body_of(const Instruments::Options& options) {
+  return options.motion ? std::make_shared<MovingBody>(options.motion, options.phases) : nullptr;
+}
+
 /// The vessels; that of the entry goes on around the introducer and a little further.
 std::shared_ptr<const LumenDistanceField> lumen_with_introducer(const VesselTree& tree,
                                                                 const VesselEnd& entry) {
@@ -61,7 +77,9 @@ Instruments::Instruments(const VesselTree& tree, const std::vector<InstrumentMod
                          const VesselEnd& entry, const Options& options)
     : tree_(tree),
       options_(options),
-      entry_(entry),
+      body_(body_of(options)),
+      end_(entry),
+      entry_(in_body(entry, body_.get())),
       field_(lumen_with_introducer(tree, entry)),
       rods_(make_rods(checked(tree, entry, instruments))),
       walls_(instruments.size()),
@@ -98,7 +116,7 @@ std::unique_ptr<WallContact> Instruments::make_wall(const CoaxialRods& rods, std
                            .tangential_N_mm2 = options_.wall_stiffness_N_mm2,
                            .static_friction = rod.instrument().static_friction(),
                            .kinetic_friction = rod.instrument().kinetic_friction()},
-      introducer);
+      introducer, body_);
 }
 
 /// The rest shapes of the tips relax in the introducer and just outside it.
@@ -110,13 +128,19 @@ double Instruments::max_insertion_mm(std::size_t instrument) const {
   return xraycast::max_insertion_mm(rod(instrument).instrument());
 }
 
-void Instruments::step(std::span<const HubPose> targets) {
+std::span<const double> Instruments::phases() const {
+  return body_ ? std::span<const double>(body_->phases()) : std::span<const double>();
+}
+
+void Instruments::step(std::span<const HubPose> targets, std::span<const double> phases) {
   for (std::size_t d = 0; d < count(); ++d) {
     const double rotation_before_rad = pose(d).rotation_rad;
     hubs_[d].approach(targets[d], load(d).force_N, max_insertion_mm(d), options_.step_s);
     if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
     rods_.feed_to(d, kIntroducer_mm + pose(d).insertion_mm);
   }
+  if (body_ && body_->move_to(phases))
+    for (std::size_t d = 0; d < count(); ++d) walls_[d]->follow_body(rod(d));
   rods_.step(options_.step_s);
   ++steps_;
 }
@@ -133,7 +157,8 @@ InstrumentTip Instruments::tip(std::size_t instrument) const {
   return {.position_mm = to_glm(rod(instrument).state().nodes_mm.back()),
           .direction = to_glm(rod(instrument).state().edges.back().tangent),
           .branch = sample.hint.branch,
-          .arc_length_mm = sample.arc_length_mm};
+          .arc_length_mm = sample.arc_length_mm,
+          .scan_mm = to_glm(wall(instrument).tip_in_scan_mm())};
 }
 
 void Instruments::copy_nodes(std::size_t instrument, std::vector<glm::dvec3>& nodes_mm) const {
@@ -169,7 +194,7 @@ void Instruments::exchange(std::size_t instrument, const InstrumentModel& model)
   std::vector<InstrumentModel> instruments;
   for (std::size_t d = 0; d < count(); ++d)
     instruments.push_back(d == instrument ? model : rod(d).instrument());
-  checked(tree_, entry_, instruments);
+  checked(tree_, end_, instruments);
 
   // The new one relaxes among copies of the others, which themselves stay as they are.
   CoaxialRods rods = rods_;

@@ -2,6 +2,7 @@
 
 #include "xraycast/catheter/hub.hpp"
 #include "xraycast/catheter/lumen_distance_field.hpp"
+#include "xraycast/catheter/moving_body.hpp"
 #include "xraycast/catheter/vessel_entry.hpp"
 #include "xraycast/catheter/wall_contact.hpp"
 #include "xraycast/coaxial/coaxial_rods.hpp"
@@ -27,6 +28,8 @@ struct InstrumentTip {
   glm::dvec3 direction{0, 0, 1};  ///< unit
   int branch = 0;                 ///< of the tree
   double arc_length_mm = 0;       ///< from the branch's first point
+  /// What its place shows: position_mm, but in a body that moves the scan's, where the tree lies.
+  glm::dvec3 scan_mm{0, 0, 0};
 };
 
 /// A point of the rod in contact with a vessel's wall, and the wall's force on it.
@@ -41,6 +44,9 @@ struct InstrumentContact {
 /// All enter at a vessel's end through an introducer, a straight sheath of 20 mm outside the tree; the rods
 /// are simulated from the introducer's outer end to their tips and fed in and out there. At an insertion of 0
 /// a tip is at the vessel's end. The introducer holds the outermost instrument, which holds the others.
+///
+/// In a body that moves, instruments lie in the body at its instant, and the tree in the scan. The introducer
+/// stays in the patient's frame where the entry is as they are put in.
 class Instruments {
  public:
   struct Options {
@@ -56,6 +62,10 @@ class Instruments {
     /// slowest steps seen, of three instruments on busy machines, took 9 ms in a malformation and 5 to 12 ms
     /// in other trees.
     int max_iterations = 50, max_node_iterations = 5'000;
+    /// How the body moves about instruments, and the phase of each mode as they are put in. None: it is
+    /// still, as where no mode moves it.
+    std::shared_ptr<const Motion> motion{};
+    std::vector<double> phases{};
   };
 
   static constexpr std::size_t kMaxCount = 3;
@@ -74,8 +84,12 @@ class Instruments {
 
   /// One step in time towards a pose for each instrument, whose insertion is clamped to 0 to
   /// max_insertion_mm().
-  void step(std::span<const HubPose> targets);
+  void step(std::span<const HubPose> targets) { step(targets, phases()); }
+  /// The same while the body moves to these phases, one a mode, where it has a motion.
+  void step(std::span<const HubPose> targets, std::span<const double> phases);
 
+  /// Of the motion's modes; none without a motion.
+  std::span<const double> phases() const;
   std::size_t count() const { return rods_.count(); }
   double time_s() const { return static_cast<double>(steps_) * options_.step_s; }
   double step_s() const { return options_.step_s; }
@@ -110,6 +124,8 @@ class Instruments {
 
   /// Elastic, kinetic, in the lumens, and in the walls.
   double energy_J() const;
+  /// What the moving wall has done on an instrument since it was put in; see WallContact.
+  double wall_work_J(std::size_t instrument) const { return wall(instrument).work_J(); }
 
  private:
   using Walls = std::vector<std::unique_ptr<WallContact>>;
@@ -122,7 +138,9 @@ class Instruments {
 
   VesselTree tree_;
   Options options_;
-  VesselEnd entry_;
+  std::shared_ptr<MovingBody> body_;  ///< none without a motion
+  VesselEnd end_;                     ///< of the tree
+  VesselEnd entry_;                   ///< that in the body
   std::shared_ptr<const LumenDistanceField> field_;
   CoaxialRods rods_;
   Walls walls_;

@@ -2,6 +2,9 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/negative_zero.hpp"
+#include "xraycast/mechanics/vectors.hpp"
+
+#include <glm/geometric.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -14,10 +17,15 @@ namespace {
 constexpr double kRounding_s = 1e-9;       // by which times of steps and rows differ
 constexpr double kLeastInterval_s = 1e-3;  // a step
 
-RunRecord record_of(double time_s, const HubPose& pose, const HubLoad& load, const InstrumentTip& tip,
-                    const WallContact& wall) {
-  RunRecord record{.time_s = time_s, .pose = pose, .load = load, .tip = tip};
-  for (const WallContact::Contact& contact : wall.contacts()) {
+RunRecord record_of(double time_s, const Instruments& instruments, std::size_t d) {
+  RunRecord record{.time_s = time_s,
+                   .pose = instruments.pose(d),
+                   .load = instruments.load(d),
+                   .tip = instruments.tip(d),
+                   .wall_work_J = instruments.wall_work_J(d),
+                   .phases = {}};
+  record.phases.assign(instruments.phases().begin(), instruments.phases().end());
+  for (const WallContact::Contact& contact : instruments.wall(d).contacts()) {
     if (contact.depth_mm <= 0) continue;
     ++record.contacts;
     record.contact_force_N += (contact.normal_N + contact.friction_N).norm();
@@ -76,6 +84,41 @@ void check_injection(const RunRequest& request) {
   if (injection.from_s >= end_s && end_s > 0)
     throw InputError("{}: begins after the end of {} at {:g} s; inject earlier", name,
                      request.script->origin(), end_s);
+}
+
+/// How far the body takes a place away from where it is at 0 s, at any key of a mode.
+double moves_mm(const RunRequest& request, const glm::dvec3& in_scan_mm) {
+  const Motion& motion = *request.motion;
+  const std::vector<double> start = phases_at(request, 0);
+  const glm::dvec3 start_mm = motion.held_at(start).inverse_mm(in_scan_mm).x_mm;
+  double furthest_mm = 0;
+  for (std::size_t m = 0; m < start.size(); ++m) {
+    if (request.phase.contains(motion.modes()[m].name)) continue;
+    for (const KeyPhase& key : motion.modes()[m].keys) {
+      std::vector<double> phases = start;
+      phases[m] = key.phase;
+      furthest_mm = std::max(
+          furthest_mm, glm::distance(start_mm, motion.held_at(phases).inverse_mm(in_scan_mm, start_mm).x_mm));
+    }
+  }
+  return furthest_mm;
+}
+
+/// Throws InputError; returns a note where the entry moves.
+std::vector<std::string> check_motion(const RunRequest& request, const VesselEnd& entry) {
+  if (!request.motion) {
+    if (!request.phase.empty())
+      throw InputError("`phase` needs a motion; give `motion` too, or leave it out");
+    return {};
+  }
+  request.motion->phases_of(request.phase);
+  constexpr double kNoticed_mm = 1;
+  const double away_mm = moves_mm(request, to_glm(entry.position_mm));
+  if (away_mm < kNoticed_mm) return {};
+  return {
+      fmt::format("the motion takes the vessel's end where the instruments enter {:.0f} mm away from the "
+                  "introducer, which stays; enter where the body moves less",
+                  away_mm)};
 }
 
 // ---- the run
@@ -140,10 +183,14 @@ constexpr const char* kColumns =
     "insertion{0}_mm,rotation{0}_deg,force{0}_N,torque{0}_Nm,tip{0}_x_mm,tip{0}_y_mm,tip{0}_z_mm,tip{0}_"
     "direction_x,tip{0}_direction_y,tip{0}_direction_z,tip{0}_branch,tip{0}_arc_length_mm,contacts{0},"
     "contact_force{0}_N,deepest{0}_mm";
+constexpr const char* kMotionColumns = ",tip{0}_scan_x_mm,tip{0}_scan_y_mm,tip{0}_scan_z_mm,wall_work{0}_J";
+
+double part(double value) {
+  constexpr int kDecimals = 6;
+  return no_negative_zero(value, kDecimals);
+}
 
 std::string values_of(const RunRecord& r) {
-  constexpr int kDecimals = 6;
-  const auto part = [](double value) { return no_negative_zero(value, kDecimals); };
   const glm::dvec3 &p = r.tip.position_mm, &d = r.tip.direction;
   // A sum with +0 is never -0.
   return fmt::format(
@@ -153,8 +200,13 @@ std::string values_of(const RunRecord& r) {
       part(r.tip.arc_length_mm), r.contacts, r.contact_force_N, r.deepest_mm);
 }
 
-std::string columns_of(std::size_t instrument) {
-  return fmt::format(fmt::runtime(kColumns), instrument == 0 ? "" : fmt::format("_{}", instrument + 1));
+std::string motion_values_of(const RunRecord& r) {
+  const glm::dvec3& p = r.tip.scan_mm;
+  return fmt::format(",{:.6f},{:.6f},{:.6f},{:.6g}", part(p.x), part(p.y), part(p.z), r.wall_work_J + 0.0);
+}
+
+std::string columns_of(const char* columns, std::size_t instrument) {
+  return fmt::format(fmt::runtime(columns), instrument == 0 ? "" : fmt::format("_{}", instrument + 1));
 }
 
 }  // namespace
@@ -177,7 +229,23 @@ std::vector<std::string> check(const RunRequest& request) {
                      request.interval_s, kLeastInterval_s);
   if (request.script) check_lengths(*request.script, request.instruments);
   check_injection(request);
-  return notes_on_entry(request, entry);
+  std::vector<std::string> notes = notes_on_entry(request, entry);
+  for (std::string& note : check_motion(request, entry)) notes.push_back(std::move(note));
+  return notes;
+}
+
+std::vector<double> phases_at(const RunRequest& request, double time_s) {
+  if (!request.motion) return {};
+  std::vector<double> phases = request.motion->phases_at(time_s);
+  for (std::size_t m = 0; m < phases.size(); ++m) {
+    const auto held = request.phase.find(request.motion->modes()[m].name);
+    if (held != request.phase.end()) phases[m] = held->second;
+  }
+  return phases;
+}
+
+Instruments::Options instrument_options(const RunRequest& request) {
+  return {.motion = request.motion, .phases = phases_at(request, 0)};
 }
 
 VesselEnd entry_of(const RunRequest& request) {
@@ -193,9 +261,7 @@ std::string text_of(const VesselTree& tree, const VesselEnd& end) {
 
 std::vector<RunRecord> records_of(const Instruments& instruments, double time_s) {
   std::vector<RunRecord> records;
-  for (std::size_t d = 0; d < instruments.count(); ++d)
-    records.push_back(
-        record_of(time_s, instruments.pose(d), instruments.load(d), instruments.tip(d), instruments.wall(d)));
+  for (std::size_t d = 0; d < instruments.count(); ++d) records.push_back(record_of(time_s, instruments, d));
   return records;
 }
 
@@ -204,17 +270,19 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   if (!request.script) throw InputError("`script`: missing; without a hand it moves the hubs");
   const Script& script = *request.script;
   Run run{.entry = entry_of(request), .records = {}, .last = {}};
-  Instruments instruments(*request.tree, request.instruments, run.entry);
+  if (request.motion)
+    for (const MotionMode& mode : request.motion->modes()) run.modes.push_back(mode.name);
+  Instruments instruments(*request.tree, request.instruments, run.entry, instrument_options(request));
   std::vector<HubPose> poses(instruments.count());
-  const auto move_to = [&](double time_s) {
+  const auto move_to = [&](double time_s, const std::vector<double>& phases) {
     for (std::size_t d = 0; d < poses.size(); ++d) poses[d] = script.pose_at(time_s, d);
-    instruments.step(poses);
+    instruments.step(poses, phases);
   };
   const Script::Row& first = script.rows().front();
   Approach approach(first, instruments.count());
   while (!approach.is_over(instruments)) {
     progress.check();
-    move_to(first.time_s);
+    move_to(first.time_s, phases_at(request, 0));
     approach.check(instruments, instruments.time_s(), script.where(0));
   }
 
@@ -225,7 +293,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
       run.records.push_back(records_of(instruments, time_s));
   };
   const auto step = [&](double time_s) {
-    move_to(time_s);
+    move_to(time_s, phases_at(request, time_s));
     if (instruments.is_held()) run.held_s += instruments.step_s();
     tell(time_s);
   };
@@ -242,14 +310,22 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   return run;
 }
 
-std::string to_csv(const std::vector<std::vector<RunRecord>>& records) {
+std::string to_csv(const Run& run) {
+  const bool moves = !run.modes.empty();
   std::string csv = "time_s";
-  for (std::size_t d = 0; !records.empty() && d < records.front().size(); ++d)
-    csv += fmt::format(",{}", columns_of(d));
+  for (const std::string& mode : run.modes) csv += fmt::format(",phase_{}", mode);
+  for (std::size_t d = 0; !run.records.empty() && d < run.records.front().size(); ++d) {
+    csv += fmt::format(",{}", columns_of(kColumns, d));
+    if (moves) csv += columns_of(kMotionColumns, d);
+  }
   csv += '\n';
-  for (const std::vector<RunRecord>& row : records) {
+  for (const std::vector<RunRecord>& row : run.records) {
     csv += fmt::format("{:.6g}", row.front().time_s);
-    for (const RunRecord& record : row) csv += fmt::format(",{}", values_of(record));
+    for (const double phase : row.front().phases) csv += fmt::format(",{:.6g}", phase);
+    for (const RunRecord& record : row) {
+      csv += fmt::format(",{}", values_of(record));
+      if (moves) csv += motion_values_of(record);
+    }
     csv += '\n';
   }
   return csv;

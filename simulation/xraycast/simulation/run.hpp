@@ -2,10 +2,12 @@
 
 #include "xraycast/base/progress.hpp"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/motion/motion.hpp"
 #include "xraycast/simulation/injection.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,12 +27,23 @@ struct RunRequest {
   std::optional<Script> script{};  ///< none: a hand moves the hubs
   Injection injection{};           ///< of contrast agent, in pictures of the run
   double interval_s = 0;           ///< between records; 0: they are of the script's rows
+  /// How the body moves about the instruments; none: it is still. At 0 s of the script it is 0 s, until then
+  /// it is held.
+  std::shared_ptr<const Motion> motion{};
+  std::map<std::string, double> phase{};  ///< of modes by name that are held, 0 to 1; all others go on
 };
 
 /// Throws InputError for what cannot be run: no tree, instruments that do not fit into each other or into the
-/// vessel at their entry, a script that inserts one beyond its length, and an injection through no lumen or
-/// after the script's end. Returns notes: where the entry was not chosen, other ends that lie as low.
+/// vessel at their entry, a script that inserts one beyond its length, an injection through no lumen or after
+/// the script's end, and phases without a motion or of modes that it does not have. Returns notes: where the
+/// entry was not chosen, other ends that lie as low; an entry that the motion moves away from the introducer.
 std::vector<std::string> check(const RunRequest& request);
+
+/// Of the modes of a run's motion, in order, at a time of its script; none without a motion.
+std::vector<double> phases_at(const RunRequest& request, double time_s);
+
+/// How instruments are put in for a run.
+Instruments::Options instrument_options(const RunRequest& request);
 
 /// Where the outermost instrument enters. Throws as find_entry.
 VesselEnd entry_of(const RunRequest& request);
@@ -44,9 +57,11 @@ struct RunRecord {
   HubPose pose;
   HubLoad load;
   InstrumentTip tip;
-  int contacts = 0;            ///< contact points in contact with a wall
-  double contact_force_N = 0;  ///< sum of the magnitudes of their forces
-  double deepest_mm = 0;       ///< depth in the wall
+  int contacts = 0;              ///< contact points in contact with a wall
+  double contact_force_N = 0;    ///< sum of the magnitudes of their forces
+  double deepest_mm = 0;         ///< depth in the wall
+  double wall_work_J = 0;        ///< of the moving wall on the instrument so far
+  std::vector<double> phases{};  ///< of the motion's modes; none without a motion
 };
 
 /// A record of each instrument, from the outermost on.
@@ -59,6 +74,7 @@ struct Run {
   std::vector<RunRecord> last;                  ///< of each instrument, at the time since it began to move
   double held_s = 0;                            ///< for so long a hub did not advance, because of the force
   std::vector<std::string> notes{};             ///< on the run, besides those of check()
+  std::vector<std::string> modes{};             ///< of its motion, in the order of a record's phases
 };
 
 /// Is told of the instruments at 0 s, where the hubs are at the script's first poses, and after each step.
@@ -70,7 +86,8 @@ using RunListener = std::function<void(const Instruments& instruments, double ti
 Run run(const RunRequest& request, Progress& progress, const RunListener& listener = {});
 
 /// CSV: a header with the columns' names and units, then a line per record; a group of columns an instrument:
-/// insertion_mm, insertion_2_mm and so on.
-std::string to_csv(const std::vector<std::vector<RunRecord>>& records);
+/// insertion_mm, insertion_2_mm and so on. Of a motion, the modes' phases follow the time, phase_heart and so
+/// on, and each group ends with the tip's place in the scan and the wall's work.
+std::string to_csv(const Run& run);
 
 }  // namespace xraycast

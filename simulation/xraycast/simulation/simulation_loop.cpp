@@ -51,10 +51,12 @@ void raise_priority() {
 
 }  // namespace
 
-SimulationLoop::SimulationLoop(std::unique_ptr<Instruments> instruments, Hand hand, Exchanged exchanged)
+SimulationLoop::SimulationLoop(std::unique_ptr<Instruments> instruments, Hand hand, Exchanged exchanged,
+                               Body body)
     : instruments_(std::move(instruments)),
       hand_(std::move(hand)),
       exchanged_(std::move(exchanged)),
+      body_(std::move(body)),
       hubs_(instruments_->count()),
       loads_(instruments_->count()),
       histogram_(kBins, 0) {
@@ -108,6 +110,7 @@ void SimulationLoop::list_instruments() {
 void SimulationLoop::publish() {
   next_.time_s = instruments_->time_s();
   next_.agent_outlet = agent_outlet(*instruments_);
+  next_.phases.assign(instruments_->phases().begin(), instruments_->phases().end());
   publish(0, next_);
   for (std::size_t d = 1; d < instruments_->count(); ++d) publish(d, next_.inner[d - 1]);
   snapshots_.write(next_);
@@ -154,7 +157,12 @@ void SimulationLoop::step_until_stopped() {
       begin = Clock::now();
     }
     const Stopwatch stopwatch;
-    instruments_->step(hand_(hubs_, loads_, instruments_->step_s()));
+    const double step_s = instruments_->step_s();
+    const std::span<const HubPose> targets = hand_(hubs_, loads_, step_s);
+    if (body_)
+      instruments_->step(targets, body_(step_s));
+    else
+      instruments_->step(targets);
     publish();
     begin += period;
     const auto now = Clock::now();

@@ -49,6 +49,7 @@ struct CatheterSnapshot : InstrumentSnapshot {
   std::shared_ptr<const ExchangeRefusal> refusal;  ///< of the last exchange; null: it was made, or none was
   std::int64_t exchanges = 0;                      ///< answered so far, made or refused
   std::optional<std::size_t> agent_outlet;
+  std::vector<double> phases;  ///< of the body's motion; none without a motion
   double time_s = 0;
   LoopTiming timing;
 
@@ -71,7 +72,12 @@ class SimulationLoop {
   /// Called after each exchange in the loop's thread: this instrument is another one, at an insertion of 0.
   using Exchanged = std::function<void(std::size_t instrument, const InstrumentModel& model)>;
 
-  SimulationLoop(std::unique_ptr<Instruments> instruments, Hand hand, Exchanged exchanged = {});
+  /// Called before each step in the loop's thread with the step's duration; returns the phases to which the
+  /// body moves in it (see Instruments::step). Must not block.
+  using Body = std::function<std::span<const double>(double step_s)>;
+
+  SimulationLoop(std::unique_ptr<Instruments> instruments, Hand hand, Exchanged exchanged = {},
+                 Body body = {});
   ~SimulationLoop();
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
@@ -101,6 +107,7 @@ class SimulationLoop {
   std::unique_ptr<Instruments> instruments_;
   Hand hand_;
   Exchanged exchanged_;
+  Body body_;  ///< none: the body stays as it is
   std::vector<HubPose> hubs_;
   std::vector<HubLoad> loads_;
   CatheterSnapshot next_;
