@@ -186,14 +186,19 @@ static inline void prefetch_plane(SCAN voxels, const Rays* rays, const int k) {
   }
 }
 
-/* HU of 16 rays in plane k, wherever they are: voxel by voxel. */
-static inline float16 sample_any(SCAN voxels, const Rays* rays, const int k) {
+/* What lies around 16 rays in a plane: HU of the voxels below and above, each on this side across and on the
+ * other, and where the rays are between them. */
+typedef struct {
+  float16 here_below, beside_below, here_above, beside_above, along_u, along_v;
+} Cells;
+
+/* The cells in plane k, wherever the rays are: voxel by voxel. */
+static inline Cells cells_anywhere(SCAN voxels, const Rays* rays, const int k) {
   prefetch_plane(voxels, rays, k + PLANES_AHEAD);
   const float16 u = clamp(fma((float16)(float)k, rays->du, rays->u0), 0.0f, (float)rays->last_u);
   const float16 v = clamp(fma((float16)(float)k, rays->dv, rays->v0), 0.0f, (float)rays->last_z);
   const int16 at_u = clamp(convert_int16(u), 0, rays->last_u),
               at_v = clamp(convert_int16(v), 0, rays->last_z);
-  const float16 along_u = u - convert_float16(at_u), along_v = v - convert_float16(at_v);
   SCAN plane = voxels + k * rays->plane_step;
   const int16 next_v = min(at_v + 1, rays->last_z);
   const long16 cell = convert_long16(at_u) * rays->column_step;
@@ -201,11 +206,21 @@ static inline float16 sample_any(SCAN voxels, const Rays* rays, const int k) {
                        convert_long16(at_v % XRC_BRICK_SLICES),
                upper = cell + convert_long16(next_v / XRC_BRICK_SLICES) * rays->brick_step +
                        convert_long16(next_v % XRC_BRICK_SLICES);
-  const float16 below =
-                    mix(pick_voxels(plane, lower), pick_voxels(plane + rays->column_step, lower), along_u),
-                above =
-                    mix(pick_voxels(plane, upper), pick_voxels(plane + rays->column_step, upper), along_u);
-  return mix(below, above, along_v);
+  Cells cells;
+  cells.here_below = pick_voxels(plane, lower);
+  cells.beside_below = pick_voxels(plane + rays->column_step, lower);
+  cells.here_above = pick_voxels(plane, upper);
+  cells.beside_above = pick_voxels(plane + rays->column_step, upper);
+  cells.along_u = u - convert_float16(at_u);
+  cells.along_v = v - convert_float16(at_v);
+  return cells;
+}
+
+/* HU of 16 rays in plane k, wherever they are. */
+static inline float16 sample_any(SCAN voxels, const Rays* rays, const int k) {
+  const Cells cells = cells_anywhere(voxels, rays, k);
+  return mix(mix(cells.here_below, cells.beside_below, cells.along_u),
+             mix(cells.here_above, cells.beside_above, cells.along_u), cells.along_v);
 }
 
 #ifdef HAS_PERMUTE
@@ -221,9 +236,9 @@ static inline int16 pick_slices(SCAN even, SCAN odd, const int16 picks) {
   return __builtin_astype(__builtin_shufflevector(slices, __builtin_astype(picks, ushort32)), int16);
 }
 
-/* HU of 16 rays in a core plane k. Where rounding puts a ray a hair outside, what it picks is wrong, but
- * weighs no more than the hair. */
-static inline float16 sample_core(SCAN voxels, const Rays* rays, const int k, const float16 at) {
+/* The cells of 16 rays in a core plane k, whose HU are 65536 times too large. Where rounding puts a ray a
+ * hair outside, what it picks is wrong, but weighs no more than the hair. */
+static inline Cells cells_in_core(SCAN voxels, const Rays* rays, const int k, const float16 at) {
   float16 u = fma(at, rays->du, rays->u0);
   const float16 v = fma(at, rays->dv, rays->v0);
   const float lowest = fma((float)k, rays->low_du, rays->low_u0);
@@ -237,9 +252,8 @@ static inline float16 sample_core(SCAN voxels, const Rays* rays, const int k, co
   prefetch_line(upper + rays->ahead);
 
   const int16 slice = convert_int16(v), picks = (slice | slice << 16) + 0x10000;
-  const float16 along_v = v - convert_float16(slice), past_cell = u - convert_float16((int16)cell);
+  const float16 past_cell = u - convert_float16((int16)cell);
   const int16 is_next = past_cell >= 1.0f;
-  const float16 along_u = select(past_cell, past_cell - 1.0f, is_next);
 
   SCAN even = brick & 1 ? upper : lower;
   SCAN odd = brick & 1 ? lower : upper;
@@ -256,14 +270,24 @@ static inline float16 sample_core(SCAN voxels, const Rays* rays, const int k, co
     pairs_3 = select(pairs_3, pick_slices(even + third, odd + third, shifted), is_beyond);
   }
   const int16 here = select(pairs, pairs_2, is_next), beside = select(pairs_2, pairs_3, is_next);
-  /* The halves as they stand, 65536 times too large. */
-  const float16 weight_beside = along_u * (1.0f / 65536), weight_here = 1.0f / 65536 - weight_beside;
   const int16 upper_half = (int)0xffff0000;
-  const float16 below =
-      fma(weight_beside, convert_float16(beside << 16), weight_here * convert_float16(here << 16));
-  const float16 above = fma(weight_beside, convert_float16(beside & upper_half),
-                            weight_here * convert_float16(here & upper_half));
-  return fma(along_v, above - below, below);
+  Cells cells;
+  cells.here_below = convert_float16(here << 16);
+  cells.beside_below = convert_float16(beside << 16);
+  cells.here_above = convert_float16(here & upper_half);
+  cells.beside_above = convert_float16(beside & upper_half);
+  cells.along_u = select(past_cell, past_cell - 1.0f, is_next);
+  cells.along_v = v - convert_float16(slice);
+  return cells;
+}
+
+/* HU of 16 rays in a core plane k. */
+static inline float16 sample_core(SCAN voxels, const Rays* rays, const int k, const float16 at) {
+  const Cells cells = cells_in_core(voxels, rays, k, at);
+  const float16 weight_beside = cells.along_u * (1.0f / 65536), weight_here = 1.0f / 65536 - weight_beside;
+  const float16 below = fma(weight_beside, cells.beside_below, weight_here * cells.here_below);
+  const float16 above = fma(weight_beside, cells.beside_above, weight_here * cells.here_above);
+  return fma(cells.along_v, above - below, below);
 }
 
 #endif
@@ -290,6 +314,19 @@ static inline float16 sum_of_planes(SCAN voxels, const Rays* rays, constant cons
     sum = fma(share_of(rays, k), mu_of16(sample_any(voxels, rays, k), opacity, table), sum);
   }
   return sum;
+}
+
+/* Which column of which picture a work-item takes, of pictures of one size. Columns come in tiles of
+ * get_global_size(0). */
+typedef struct {
+  int picture, column;
+} PictureColumn;
+
+static inline PictureColumn picture_column(global const XrcDetector* detectors) {
+  const int tile = (int)get_global_size(0), tiles = (detectors->width + tile - 1) / tile,
+            id = (int)get_global_id(2);
+  const PictureColumn at = {id / tiles, id % tiles * tile + (int)get_global_id(0)};
+  return at;
 }
 
 /* 16 rows of column i, whatever their rays are like. */

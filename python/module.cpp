@@ -6,6 +6,7 @@
 #include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "opacity.hpp"
+#include "registration.hpp"
 #include "run.hpp"
 #include "scan.hpp"
 #include "scene.hpp"
@@ -104,6 +105,7 @@ NB_MODULE(_core, module) {
   add_compare(module);
   add_catheter(module);
   add_run(module);
+  add_registration(module);
   add_export(module);
   module.def("devices", devices, "The names of the OpenCL devices, in the order of their numbers.");
   module.def("use_device", choose_device, nb::arg("name"), nb::call_guard<nb::gil_scoped_release>(),

@@ -17,14 +17,14 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 CHAPTERS = {
     "Use": ["docs/guide", "docs/commands", "docs/web", "docs/python", "docs/cohorts", "docs/haptics", "docs/gallery"],
     "Models and figures": ["docs/fluoroscopy", "docs/vessels", "docs/angiography", "docs/simulation", "docs/motion",
-                           "docs/motion-models", "docs/moving-maps", "docs/accuracy",
+                           "docs/motion-models", "docs/moving-maps", "docs/registration", "docs/accuracy",
                            "docs/performance", "docs/reliability", "docs/glossary", "simulation/instruments/README"],
     "Interfaces": ["python-api", "docs/api", "examples/README"],
     "Development": ["docs/architecture", "CONTRIBUTING", "CHANGELOG", "SECURITY"],
 }
 GATHERED = ("CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "LICENSE", "CMakeLists.txt", "docs", "examples", "rooms.txt",
             "stable.txt", "simulation", "web")
-MODULES = {"xraycast.gym": "An environment of Gymnasium", "xraycast.torch": "Gradients in PyTorch"}
+MODULES = {"xraycast.gym": "An environment of Gymnasium", "xraycast.torch": "Gradients in PyTorch", "xraycast.similarity": "Similarities of pictures"}
 
 
 HEADERS = """# The C++ headers

@@ -32,6 +32,9 @@ class PicturesArgument : public nb::object {  ///< see told_of in compare.cpp
   NB_OBJECT(PicturesArgument, nb::object,
             "collections.abc.Callable[[int, float, numpy.typing.NDArray[numpy.uint8]], object]", always)
 };
+class PicturesOfXraysArgument : public nb::object {  ///< see xrays_of
+  NB_OBJECT(PicturesOfXraysArgument, nb::object, "collections.abc.Sequence[numpy.typing.ArrayLike]", always)
+};
 class ModelsArgument : public nb::object {  ///< see make_instruments
   NB_OBJECT(ModelsArgument, nb::object, "collections.abc.Sequence[str | os.PathLike[str]]", always)
 };

@@ -6,6 +6,7 @@
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>
 #include <OpenImageIO/imageio.h>
+#include <algorithm>
 #include <stdexcept>
 
 namespace xraycast {
@@ -67,6 +68,33 @@ class OpenImageIo final : public PictureFormats {
     roi.chend = 3;  // without opacity
     RgbPicture read{roi.width(), roi.height(), std::vector<std::uint8_t>(3 * roi.npixels())};
     check(picture.get_pixels(roi, OIIO::TypeUInt8, read.rgb.data()), picture);
+    return read;
+  }
+
+  FloatPicture read_grey(const std::string& path, int page) const override {
+    const auto file = OIIO::ImageInput::open(path);
+    if (!file) throw std::runtime_error(OIIO::geterror());
+    check(file->seek_subimage(page, 0), *file);
+    const OIIO::ImageSpec spec = file->spec();
+    constexpr int kMostPixels = 16384;
+    if (spec.width > kMostPixels || spec.height > kMostPixels)
+      throw std::runtime_error("it has more than 16384 pixels along a side");
+    const int colours = std::min(spec.nchannels, 3);
+    OIIO::ImageBuf picture(OIIO::ImageSpec(spec.width, spec.height, colours, OIIO::TypeFloat));
+    check(file->read_image(page, 0, 0, colours, OIIO::TypeFloat, picture.localpixels()), *file);
+    if (colours == 3) picture = OIIO::ImageBufAlgo::channel_sum(picture, {1 / 3.F, 1 / 3.F, 1 / 3.F});
+    OIIO::ROI roi = picture.roi();
+    roi.chend = 1;  // a second one is opacity
+    FloatPicture read{roi.width(), roi.height(), std::vector<float>(roi.npixels()), false};
+    check(picture.get_pixels(roi, OIIO::TypeFloat, read.grey.data()), picture);
+    // OpenImageIO makes whole numbers shares of the largest.
+    const float largest = spec.format == OIIO::TypeUInt8    ? 255.F
+                          : spec.format == OIIO::TypeUInt16 ? 65535.F
+                          : spec.format == OIIO::TypeInt16  ? 32767.F
+                                                            : 1.F;
+    for (float& grey : read.grey) grey *= largest;
+    read.has_next = file->seek_subimage(page + 1, 0);
+    if (!read.has_next) file->geterror();  // which is none
     return read;
   }
 };

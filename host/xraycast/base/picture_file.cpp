@@ -84,4 +84,8 @@ RgbPicture read_picture(const std::filesystem::path& path) {
   });
 }
 
+FloatPicture read_grey_picture(const std::filesystem::path& path, int page) {
+  return naming(path, "could not be read", [&] { return formats().read_grey(path.string(), page); });
+}
+
 }  // namespace xraycast

@@ -51,4 +51,16 @@ inline void write_picture(const RgbPicture& picture, const std::filesystem::path
 /// into memory, or, but for a .png, when there is no OpenImageIO.
 RgbPicture read_picture(const std::filesystem::path& path);
 
+/// Floats, row 0 on top.
+struct FloatPicture {
+  int width, height;
+  std::vector<float> grey;
+  bool has_next;  ///< the file has a page after this one
+};
+
+/// The numbers of a page of a picture file, as they are stored, whatever their type; the mean of colours.
+/// Throws Error when it cannot be read, has more than 16384 pixels along a side, or when there is no
+/// OpenImageIO.
+FloatPicture read_grey_picture(const std::filesystem::path& path, int page = 0);
+
 }  // namespace xraycast

@@ -15,6 +15,7 @@ class PictureFormats {
   virtual std::string tiff_of(std::span<const float> values, int width, int height,
                               const std::string& description) const = 0;
   virtual RgbPicture read(const std::string& path) const = 0;
+  virtual FloatPicture read_grey(const std::string& path, int page) const = 0;
 };
 
 }  // namespace xraycast

@@ -99,79 +99,149 @@ bool is_untilted(const XrcDetector& detector) {
 struct Projector {
   std::string file, entry;
   std::array<std::int64_t, 3> items, group;
-  bool takes_blocks = false;  ///< see ConstantBlocks
+  bool takes_blocks = false;   ///< see ConstantBlocks
+  bool takes_several = false;  ///< detectors at once; items[2] for each
 };
+
+std::int64_t parts(int pixels, int part) { return (pixels + part - 1) / part; }
+
+/// One work-item for a vector of rows of a column, columns in tiles; for processors.
+Projector rows_projector(const std::string& file, const std::string& entry, const XrcDetector& detector) {
+  constexpr int kTile = 32;  // columns; their shared part of the scan fits into a second-level cache
+  return {.file = file,
+          .entry = entry,
+          .items = {kTile, parts(detector.height, XRC_DETECTOR_ROWS), parts(detector.width, kTile)},
+          .group = {1, 1, 1},
+          .takes_several = true};
+}
+
+bool is_read_by_pixel(const ResidentScan& scan) {
+  return scan.storage() == ScanStorage::image || scan.device().info().is_gpu;
+}
 
 /// One work-item a pixel on GPUs; on processors one for a vector of rows of a column, or of several columns
 /// and vectors when there is no tilt, since their rays then meet the same voxels.
-Projector projector_for(const ResidentScan& scan, const XrcDetector& detector) {
-  if (scan.storage() == ScanStorage::image || scan.device().info().is_gpu)
-    return {"joseph", "project_detector", {detector.width, detector.height, 1}, {8, 8, 1}};
-  const auto parts = [](int pixels, int part) { return (pixels + part - 1) / part; };
-  if (is_untilted(detector))
+Projector projector_for(const ResidentScan& scan, std::span<const XrcDetector> detectors) {
+  const XrcDetector& first = detectors.front();
+  if (is_read_by_pixel(scan))
+    return {"joseph", "project_detector", {first.width, first.height, 1}, {8, 8, 1}};
+  if (detectors.size() == 1 && is_untilted(first))
     return {"joseph_untilted",
             "project_untilted",
-            {parts(detector.width, XRC_UNTILTED_COLUMNS), parts(detector.height, XRC_UNTILTED_ROWS), 1},
+            {parts(first.width, XRC_UNTILTED_COLUMNS), parts(first.height, XRC_UNTILTED_ROWS), 1},
             {1, 1, 1},
             true};
-  constexpr int kTile = 32;  // columns; their shared part of the scan fits into a second-level cache
-  return {"joseph_rows",
-          "project_rows",
-          {kTile, parts(detector.height, XRC_DETECTOR_ROWS), parts(detector.width, kTile)},
-          {1, 1, 1}};
+  return rows_projector("joseph_rows", "project_rows", first);
 }
 
-/// The optical depths that a detector sees, and the kernel's time.
-double project_onto(const XrcDetector& detector, const ResidentScan& scan, const Opacity& opacity,
-                    Progress& progress, Sampling sampling, std::vector<float>& depths) {
+/// The same with derivatives.
+Projector gradient_projector_for(const ResidentScan& scan, const XrcDetector& first) {
+  if (!is_read_by_pixel(scan)) return rows_projector("joseph_gradient", "project_rows_gradient", first);
+  return {.file = "joseph_gradient",
+          .entry = "project_gradient",
+          .items = {first.width, first.height, 1},
+          .group = {8, 8, 1},
+          .takes_several = true};
+}
+
+std::size_t pixels_of(std::span<const XrcDetector> detectors) {
+  const XrcDetector& first = detectors.front();
+  return detectors.size() * static_cast<std::size_t>(first.width) * static_cast<std::size_t>(first.height);
+}
+
+cl::Buffer buffer_for(ComputeDevice& device, const std::vector<float>& values) {
+  return device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(values.size() * sizeof(float)));
+}
+
+std::array<std::int64_t, 3> items_for(const Projector& projector, std::size_t detectors) {
+  return {projector.items[0], projector.items[1], projector.items[2] * static_cast<std::int64_t>(detectors)};
+}
+
+/// The optical depths that detectors of one size see, and the kernel's time. One detector, unless the
+/// projector takes several.
+double project_with(const Projector& projector, std::span<const XrcDetector> detectors,
+                    const ResidentScan& scan, const Opacity& opacity, Sampling sampling,
+                    std::vector<float>& depths) {
   ComputeDevice& device = scan.device();
   const DeviceOpacity device_opacity(device, opacity);
-  depths.resize(static_cast<std::size_t>(detector.width) * static_cast<std::size_t>(detector.height));
-  const cl::Buffer tau =
-      device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(depths.size() * sizeof(float)));
+  depths.resize(pixels_of(detectors));
+  const cl::Buffer tau = buffer_for(device, depths);
 
-  const Projector projector = projector_for(scan, detector);
   cl::Kernel kernel =
       device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
-  set_args(kernel, scan.voxels(), scan.layout(), detector, device_opacity.parameters(),
-           device_opacity.table(), tau);
-  std::optional<cl::Buffer> blocks;
+  std::optional<cl::Buffer> blocks, places;
+  if (projector.takes_several)
+    set_args(kernel, scan.voxels(), scan.layout(), places.emplace(device.upload(detectors)),
+             device_opacity.parameters(), device_opacity.table(), tau);
+  else
+    set_args(kernel, scan.voxels(), scan.layout(), detectors.front(), device_opacity.parameters(),
+             device_opacity.table(), tau);
   if (projector.takes_blocks) {
     if (sampling == Sampling::skipping_constant_blocks) blocks = scan.constant_blocks(opacity);
     kernel.setArg(6, blocks.value_or(device_opacity.table()));
     kernel.setArg(7, static_cast<cl_int>(blocks.has_value()));
   }
-  progress.begin("projecting", detector.height, "rows");
-  const cl::Event done = device.run(kernel, projector.items, projector.group);
+  const cl::Event done = device.run(kernel, items_for(projector, detectors.size()), projector.group);
   device.download(tau, std::span(depths));
-  const double kernel_ms = duration_ms(done);
-  progress.advance(detector.height);
+  return duration_ms(done);
+}
+
+double project_onto(std::span<const XrcDetector> detectors, const ResidentScan& scan, const Opacity& opacity,
+                    Progress& progress, Sampling sampling, std::vector<float>& depths) {
+  const Projector projector = projector_for(scan, detectors);
+  const std::int64_t rows = detectors.front().height;
+  progress.begin("projecting", static_cast<std::int64_t>(detectors.size()) * rows, "rows");
+  if (projector.takes_several || detectors.size() == 1) {
+    const double kernel_ms = project_with(projector, detectors, scan, opacity, sampling, depths);
+    progress.advance(static_cast<std::int64_t>(detectors.size()) * rows);
+    return kernel_ms;
+  }
+  double kernel_ms = 0;
+  std::vector<float> one;
+  depths.clear();
+  for (const XrcDetector& detector : detectors) {
+    kernel_ms += project_with(projector, std::span(&detector, 1), scan, opacity, sampling, one);
+    depths.insert(depths.end(), one.begin(), one.end());
+    progress.advance(rows);
+  }
   return kernel_ms;
 }
 
-PoseGradient gradient_onto(const XrcDetector& detector, const ResidentScan& scan, const Opacity& opacity,
-                           Progress& progress) {
+PoseGradient gradient_onto(std::span<const XrcDetector> detectors, const ResidentScan& scan,
+                           const Opacity& opacity, Progress& progress) {
   ComputeDevice& device = scan.device();
   const DeviceOpacity device_opacity(device, opacity);
   PoseGradient found;
-  found.tau.resize(static_cast<std::size_t>(detector.width) * static_cast<std::size_t>(detector.height));
+  found.tau.resize(pixels_of(detectors));
   found.gradient.resize(6 * found.tau.size());
-  const auto buffer_for = [&](const std::vector<float>& values) {
-    return device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(values.size() * sizeof(float)));
-  };
-  const cl::Buffer tau = buffer_for(found.tau), gradient = buffer_for(found.gradient);
+  const cl::Buffer tau = buffer_for(device, found.tau), gradient = buffer_for(device, found.gradient),
+                   places = device.upload(detectors);
   const glm::vec3 centre(0.5 * glm::dvec3(scan.geometry().size - Index3(1)));
 
-  cl::Kernel kernel = device.kernel("joseph_gradient", "project_gradient",
-                                    device_opacity.build_options() + scan.build_options());
-  set_args(kernel, scan.voxels(), scan.layout(), detector, cl_float4{{centre.x, centre.y, centre.z, 0}},
+  const Projector projector = gradient_projector_for(scan, detectors.front());
+  cl::Kernel kernel =
+      device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
+  set_args(kernel, scan.voxels(), scan.layout(), places, cl_float4{{centre.x, centre.y, centre.z, 0}},
            device_opacity.parameters(), device_opacity.table(), tau, gradient);
-  progress.begin("projecting", detector.height, "rows");
-  device.run(kernel, {detector.width, detector.height, 1}, {8, 8, 1});
+  const std::int64_t rows = static_cast<std::int64_t>(detectors.size()) * detectors.front().height;
+  progress.begin("projecting", rows, "rows");
+  device.run(kernel, items_for(projector, detectors.size()), projector.group);
   device.download(tau, std::span(found.tau));
   device.download(gradient, std::span(found.gradient));
-  progress.advance(detector.height);
+  progress.advance(rows);
   return found;
+}
+
+/// Of cameras, which are checked.
+std::vector<XrcDetector> detectors_of(std::span<const PinholeCamera> cameras, const VolumeGeometry& volume) {
+  std::vector<XrcDetector> detectors;
+  for (const PinholeCamera& camera : cameras) {
+    validate(camera, "camera");
+    if (camera.width != cameras.front().width || camera.height != cameras.front().height)
+      throw InputError("cameras: their pictures must have one size");
+    detectors.push_back(detector_of(camera, volume));
+  }
+  return detectors;
 }
 
 }  // namespace
@@ -179,28 +249,29 @@ PoseGradient gradient_onto(const XrcDetector& detector, const ResidentScan& scan
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
                         Progress& progress, const std::optional<BodyOutline>& within, Sampling sampling) {
   ProjectionImage image{view, {}, 0};
-  image.kernel_ms =
-      project_onto(detector_of(view, scan.geometry(), within), scan, opacity, progress, sampling, image.tau);
+  const XrcDetector detector = detector_of(view, scan.geometry(), within);
+  image.kernel_ms = project_onto(std::span(&detector, 1), scan, opacity, progress, sampling, image.tau);
   return image;
 }
 
-std::vector<float> project(const ResidentScan& scan, const PinholeCamera& camera, const Opacity& opacity,
-                           Progress& progress, Sampling sampling) {
-  validate(camera, "camera");
+std::vector<float> project(const ResidentScan& scan, std::span<const PinholeCamera> cameras,
+                           const Opacity& opacity, Progress& progress, Sampling sampling) {
   std::vector<float> depths;
-  project_onto(detector_of(camera, scan.geometry()), scan, opacity, progress, sampling, depths);
+  if (cameras.empty()) return depths;
+  project_onto(detectors_of(cameras, scan.geometry()), scan, opacity, progress, sampling, depths);
   return depths;
 }
 
 PoseGradient project_with_gradient(const ResidentScan& scan, const View& view, const Opacity& opacity,
                                    Progress& progress) {
-  return gradient_onto(detector_of(view, scan.geometry(), {}), scan, opacity, progress);
+  const XrcDetector detector = detector_of(view, scan.geometry(), {});
+  return gradient_onto(std::span(&detector, 1), scan, opacity, progress);
 }
 
-PoseGradient project_with_gradient(const ResidentScan& scan, const PinholeCamera& camera,
+PoseGradient project_with_gradient(const ResidentScan& scan, std::span<const PinholeCamera> cameras,
                                    const Opacity& opacity, Progress& progress) {
-  validate(camera, "camera");
-  return gradient_onto(detector_of(camera, scan.geometry()), scan, opacity, progress);
+  if (cameras.empty()) return {};
+  return gradient_onto(detectors_of(cameras, scan.geometry()), scan, opacity, progress);
 }
 
 std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment> rays, const Opacity& opacity,

@@ -45,10 +45,17 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
                         Progress& progress, const std::optional<BodyOutline>& within = {},
                         Sampling sampling = Sampling::skipping_constant_blocks);
 
-/// The same for a camera: H x W optical depths, row 0 on top, of the lines from the source through the whole
-/// scan. Throws InputError, with "RT" in front, when the whole scan lies behind the camera.
-std::vector<float> project(const ResidentScan& scan, const PinholeCamera& camera, const Opacity& opacity,
-                           Progress& progress, Sampling sampling = Sampling::skipping_constant_blocks);
+/// The same for cameras of one picture size, C x H x W optical depths, row 0 on top, of the lines from the
+/// source through the whole scan. Throws InputError, with "RT" in front, when the whole scan lies behind a
+/// camera.
+std::vector<float> project(const ResidentScan& scan, std::span<const PinholeCamera> cameras,
+                           const Opacity& opacity, Progress& progress,
+                           Sampling sampling = Sampling::skipping_constant_blocks);
+inline std::vector<float> project(const ResidentScan& scan, const PinholeCamera& camera,
+                                  const Opacity& opacity, Progress& progress,
+                                  Sampling sampling = Sampling::skipping_constant_blocks) {
+  return project(scan, std::span(&camera, 1), opacity, progress, sampling);
+}
 
 /// Optical depths with their derivatives by the pose of source and detector, which move like a rigid body:
 /// six numbers a pixel, by their translation in mm along x, y and z, and by their rotation in rad about x, y
@@ -62,8 +69,12 @@ struct PoseGradient {
 /// derivatives on either side do not know of it. Otherwise as `project`.
 PoseGradient project_with_gradient(const ResidentScan& scan, const View& view, const Opacity& opacity,
                                    Progress& progress);
-PoseGradient project_with_gradient(const ResidentScan& scan, const PinholeCamera& camera,
+PoseGradient project_with_gradient(const ResidentScan& scan, std::span<const PinholeCamera> cameras,
                                    const Opacity& opacity, Progress& progress);
+inline PoseGradient project_with_gradient(const ResidentScan& scan, const PinholeCamera& camera,
+                                          const Opacity& opacity, Progress& progress) {
+  return project_with_gradient(scan, std::span(&camera, 1), opacity, progress);
+}
 
 /// The same along any lines, for detectors that are not flat: one optical depth per segment. Throws
 /// InputError when an end is not finite or farther than a kilometre.

@@ -1,0 +1,57 @@
+#pragma once
+
+#include "xraycast/casting/projector.hpp"
+#include "xraycast/registration/rigid_motion.hpp"
+#include "xraycast/registration/view_level.hpp"
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// How well poses of a scan fit X-rays, at one resolution. A pose is a rigid motion of the scan in front of
+/// the X-rays' cameras.
+///
+/// Pictures are compared by gradient NCC over the pixels that show the scan or lie beside it. Not
+/// thread-safe.
+class PoseFit {
+ public:
+  /// What it refers to must outlive it.
+  PoseFit(const ResidentScan& scan, std::span<const ViewLevel> views) : scan_(scan), views_(views) {}
+
+  /// The mean over the views of their gradient NCC, -1 to 1, for each motion; -1 where a scan lies behind a
+  /// camera. Of X-rays whose greys are inverted the sign of NCC is.
+  std::vector<double> similarities(std::span<const RigidMotion> motions, bool are_inverted,
+                                   Progress& progress) const;
+
+  /// That of each view.
+  std::vector<double> similarities_of_views(const RigidMotion& motion, Progress& progress) const;
+
+  /// A pose that fits best, from one nearby: Gauss-Newton steps on the differences of normalised edges,
+  /// damped as Levenberg and Marquardt do, by the projector's exact derivatives. What differs much counts
+  /// less (Huber, Ann. Math. Statist. 35, 1964): instruments that the scan does not have.
+  struct Refined {
+    RigidMotion motion;
+    double similarity = -1;
+    /// Standard deviations, by the curvature there and what is left of the differences: of the scan's middle
+    /// along x, y and z in mm, and of its rotation about these axes in rad.
+    std::array<double, 6> sd{};
+    int steps = 0;
+  };
+  Refined refine(const RigidMotion& start, int most_steps, Progress& progress) const;
+
+  std::int64_t projections() const { return projections_; }  ///< so far, those with derivatives included
+
+ private:
+  struct Linear;
+  Linear linear_fit(const RigidMotion& motion, double threshold, Progress& progress) const;
+  void add_view(const ViewLevel& view, const PoseGradient& picture, double threshold, Linear& fit) const;
+
+  const ResidentScan& scan_;
+  std::span<const ViewLevel> views_;
+  mutable std::int64_t projections_ = 0;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,377 @@
+#include "xraycast/registration/registration.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/registration/evolution_search.hpp"
+#include "xraycast/registration/pose_fit.hpp"
+
+#include <fmt/format.h>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <glm/trigonometric.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+/// Pixels across the scan as a picture shows it, by level.
+constexpr std::array kLevelPixels{56, 112, 224, 400};
+constexpr std::size_t kLevels = kLevelPixels.size();
+
+glm::dvec3 row(const glm::dmat3& matrix, int index) { return glm::transpose(matrix)[index]; }
+
+/// Where a camera looks, in the scan's axes.
+glm::dvec3 axis_of(const PinholeCamera& camera) { return row(camera.rotation, 2); }
+
+std::array<glm::dvec3, 8> corners_of(const glm::dvec3& lower, const glm::dvec3& upper) {
+  std::array<glm::dvec3, 8> corners;
+  for (int i = 0; i < 8; ++i)
+    corners[static_cast<std::size_t>(i)] = {i & 1 ? upper.x : lower.x, i & 2 ? upper.y : lower.y,
+                                            i & 4 ? upper.z : lower.z};
+  return corners;
+}
+
+PictureBox box_of(const std::vector<std::uint8_t>& mask, const Xray& xray) {
+  PictureBox box{xray.width, xray.height, 0, 0};
+  for (int y = 0; y < xray.height; ++y)
+    for (int x = 0; x < xray.width; ++x) {
+      if (mask[static_cast<std::size_t>(y) * static_cast<std::size_t>(xray.width) +
+               static_cast<std::size_t>(x)] == 0)
+        continue;
+      box = {std::min(box.left, x), std::min(box.top, y), std::max(box.right, x + 1),
+             std::max(box.bottom, y + 1)};
+    }
+  return box;
+}
+
+/// The part of a picture in which the scan may be shown.
+struct Window {
+  std::vector<std::uint8_t> mask;
+  PictureBox box;
+  double pixel_mm;   ///< at the scan
+  double scan_size;  ///< of the scan within the picture: the mean of width and height, in pixels
+};
+
+Window window_of(const Xray& xray, const RigidMotion& start, const AttenuationPyramid& scan,
+                 const RegisterRequest& request, bool searches) {
+  const PinholeCamera camera = seeing(xray.camera.value(), start);
+  Window window{.mask = collimated_field(xray), .box = {}, .pixel_mm = 0, .scan_size = 0};
+  const PictureBox field = box_of(window.mask, xray);
+  const double depth_mm = (camera.rotation * scan.middle_mm() + camera.translation_mm).z;
+  if (!(depth_mm > 0))
+    throw InputError(
+        "{}: its camera does not look at the scan; RT must map the scan's mm to the camera's, "
+        "which looks along its z",
+        xray.name);
+  const double focal = std::abs(camera.intrinsics[0][0]);
+  window.pixel_mm = depth_mm / focal;
+  const double reach_mm = searches ? request.search_mm + std::sin(glm::radians(request.search_deg)) * 0.5 *
+                                                             glm::length(scan.upper_mm() - scan.lower_mm())
+                                   : 5;
+  glm::dvec2 low(1e30), high(-1e30);
+  for (const glm::dvec3& corner : corners_of(scan.lower_mm(), scan.upper_mm())) {
+    const glm::dvec3 seen = camera.rotation * corner + camera.translation_mm;
+    if (!(seen.z > 0.1 * depth_mm)) {
+      low = glm::dvec2(-1e30);
+      high = glm::dvec2(1e30);
+      break;
+    }
+    const glm::dvec3 at = camera.intrinsics * (seen / seen.z);
+    low = glm::min(low, glm::dvec2(at));
+    high = glm::max(high, glm::dvec2(at));
+  }
+  const double wide = std::min<double>(high.x - low.x, field.right - field.left),
+               tall = std::min<double>(high.y - low.y, field.bottom - field.top);
+  window.scan_size = std::sqrt(wide * tall);
+  const double reach = reach_mm / window.pixel_mm;
+  const auto within = [](double at, int first, int last) {
+    return static_cast<int>(std::clamp(at, static_cast<double>(first), static_cast<double>(last)));
+  };
+  window.box = {within(low.x - reach, field.left, field.right),
+                within(low.y - reach, field.top, field.bottom),
+                within(high.x + reach + 1, field.left, field.right),
+                within(high.y + reach + 1, field.top, field.bottom)};
+  if (window.box.right - window.box.left < 16 || window.box.bottom - window.box.top < 16)
+    throw InputError(
+        "{}: the scan lies beside the picture, even within `search_mm` {:g}; give a start nearer to it",
+        xray.name, request.search_mm);
+  return window;
+}
+
+int factor_for(const Window& window, std::size_t level) {
+  return std::max(1, static_cast<int>(std::lround(window.scan_size / kLevelPixels[level])));
+}
+
+/// How poses are sampled: from the cube of -1 to 1, about the scan as the first camera sees it.
+class SearchRange {
+ public:
+  SearchRange(const RegisterRequest& request, std::span<const Xray> xrays, const RigidMotion& start,
+              const glm::dvec3& middle_mm)
+      : start_(start),
+        first_(xrays[0].camera.value()),
+        centre_mm_(start(middle_mm)),
+        turn_rad_(glm::radians(request.search_deg)),
+        aside_mm_(request.search_mm),
+        towards_mm_(3 * request.search_mm) {
+    constexpr double kFromTheSide = 0.87;  // 30 degrees
+    for (const Xray& xray : xrays)
+      if (std::abs(glm::dot(axis_of(*xray.camera), axis_of(first_))) < kFromTheSide) towards_mm_ = aside_mm_;
+  }
+
+  RigidMotion at(const std::vector<double>& point) const {
+    const glm::dmat3 to_scan = glm::transpose(first_.rotation);
+    const glm::dvec3 moved(aside_mm_ * point[0], aside_mm_ * point[1], towards_mm_ * point[2]),
+        turned(turn_rad_ * point[3], turn_rad_ * point[4], turn_rad_ * point[5]);
+    return turned_and_moved(to_scan * turned, to_scan * moved, centre_mm_).after(start_);
+  }
+
+ private:
+  RigidMotion start_;
+  PinholeCamera first_;
+  glm::dvec3 centre_mm_;
+  double turn_rad_, aside_mm_, towards_mm_;
+};
+
+struct Candidate {
+  RigidMotion motion;
+  double similarity;
+};
+
+/// How far two motions take the scan's corners apart, in the mean.
+double distance_mm(const RigidMotion& a, const RigidMotion& b, const AttenuationPyramid& scan) {
+  double sum = 0;
+  for (const glm::dvec3& corner : corners_of(scan.lower_mm(), scan.upper_mm()))
+    sum += glm::distance(a(corner), b(corner));
+  return sum / 8;
+}
+
+/// The best, without those that are nearly the same as a better one.
+std::vector<Candidate> distinct(std::vector<Candidate> candidates, double apart_mm, std::size_t most,
+                                const AttenuationPyramid& scan) {
+  std::ranges::stable_sort(
+      candidates, [](const Candidate& a, const Candidate& b) { return a.similarity > b.similarity; });
+  std::vector<Candidate> kept;
+  for (const Candidate& one : candidates) {
+    if (kept.size() == most) break;
+    if (std::ranges::all_of(kept, [&](const Candidate& better) {
+          return distance_mm(one.motion, better.motion, scan) > apart_mm;
+        }))
+      kept.push_back(one);
+  }
+  return kept;
+}
+
+}  // namespace
+
+/// X-rays, from coarse to fine.
+struct Registrar::Prepared {
+  std::span<const Xray> xrays;
+  std::vector<Window> windows;
+  std::vector<Tone> tones;
+  std::array<std::vector<ViewLevel>, kLevels> levels;  ///< of each the views
+  std::int64_t projections = 0;
+
+  void make_level(std::size_t level) {
+    levels[level].clear();
+    for (std::size_t v = 0; v < xrays.size(); ++v)
+      levels[level].push_back(
+          level_of(xrays[v], windows[v].mask, windows[v].box, factor_for(windows[v], level), tones[v]));
+  }
+};
+
+void check(const RegisterRequest& request) {
+  if (!(request.search_deg >= 0 && request.search_deg <= 180))
+    throw InputError("`search_deg` {:g}: must be 0 to 180", request.search_deg);
+  if (!(request.search_mm >= 0 && request.search_mm <= 1000))
+    throw InputError("`search_mm` {:g}: must be 0 to 1000", request.search_mm);
+}
+
+Registrar::Registrar(ComputeDevice& device, const Volume& scan, std::span<const std::uint8_t> mask,
+                     const RegisterRequest& request)
+    : device_(device), scan_(scan), mask_(mask), request_(request) {
+  check(request);
+}
+
+/// Voxels about as large as the pixels that are compared.
+void Registrar::make_pyramid(const PinholeCamera& camera, Progress& progress) {
+  const VolumeGeometry& grid = scan_.geometry();
+  const glm::dvec3 middle = 0.5 * (grid.lower_mm() + grid.upper_mm()),
+                   extent_mm = grid.upper_mm() - grid.lower_mm();
+  const double depth_mm = std::max((camera.rotation * middle + camera.translation_mm).z, 1.0),
+               field_mm = std::max(camera.width, camera.height) * depth_mm /
+                          std::max(std::abs(camera.intrinsics[0][0]), 1e-9),
+               size_mm = std::sqrt(std::max({extent_mm.x, extent_mm.y, extent_mm.z}) *
+                                   std::min({extent_mm.x, extent_mm.y, extent_mm.z})),
+               seen_mm = std::min(field_mm, size_mm);
+  std::vector<double> spacings_mm;
+  for (const int pixels : kLevelPixels) spacings_mm.push_back(seen_mm / pixels);
+  pyramid_.emplace(device_, scan_, request_.opacity, mask_, spacings_mm, progress);
+}
+
+Registrar::Prepared Registrar::prepared(std::span<const Xray> xrays, const RigidMotion& start, bool searches,
+                                        Progress& progress) {
+  if (xrays.empty()) throw InputError("there is no X-ray to register");
+  for (const Xray& xray : xrays) {
+    check(xray);
+    if (!xray.camera)
+      throw InputError(
+          "{}: nothing says how it was taken; give its camera, or angles and distances to start from",
+          xray.name);
+  }
+  Prepared views;
+  views.xrays = xrays;
+  views.tones.assign(xrays.size(), Tone::log_intensity);
+  if (!pyramid_) make_pyramid(seeing(*xrays[0].camera, start), progress);
+  for (const Xray& xray : xrays)
+    views.windows.push_back(window_of(xray, start, *pyramid_, request_, searches));
+  return views;
+}
+
+std::vector<RigidMotion> Registrar::searched(Prepared& views, const RigidMotion& start, Progress& progress) {
+  views.make_level(0);
+  const PoseFit fit(pyramid_->level(0), views.levels[0]);
+  const SearchRange range(request_, views.xrays, start, pyramid_->middle_mm());
+  std::vector<Candidate> candidates;
+  EvolutionOptions options;
+  progress.begin("searching", std::int64_t{3} * options.generations, "generations");
+  Progress quiet;
+  const auto search = [&](bool are_inverted) {
+    const auto similarities = [&](std::span<const std::vector<double>> points) {
+      progress.advance();
+      std::vector<RigidMotion> motions;
+      for (const std::vector<double>& point : points) motions.push_back(range.at(point));
+      return fit.similarities(motions, are_inverted, quiet);
+    };
+    const std::vector<Optimum> optima = search_by_evolution(options, similarities);
+    for (const Optimum& optimum : optima) candidates.push_back({range.at(optimum.point), optimum.value});
+    ++options.seed;
+    return optima.front().value;
+  };
+  options.seed = request_.seed;
+  const double plain = search(false), inverted = search(true);
+  search(inverted > plain);
+  views.projections += fit.projections();
+  constexpr double kApart_mm = 8;
+  constexpr std::size_t kMost = 6;
+  std::vector<RigidMotion> motions;
+  for (const Candidate& candidate : distinct(std::move(candidates), kApart_mm, kMost, *pyramid_))
+    motions.push_back(candidate.motion);
+  return motions;
+}
+
+void Registrar::choose_tones(Prepared& views, const RigidMotion& motion) const {
+  Progress quiet;
+  for (std::size_t v = 0; v < views.xrays.size(); ++v) {
+    double best = -2;
+    for (const Tone tone : kTones) {
+      const ViewLevel level = level_of(views.xrays[v], views.windows[v].mask, views.windows[v].box,
+                                       factor_for(views.windows[v], 0), tone);
+      const PoseFit fit(pyramid_->level(0), std::span(&level, 1));
+      const double value = fit.similarities(std::span(&motion, 1), false, quiet)[0];
+      views.projections += fit.projections();
+      if (value <= best) continue;
+      best = value;
+      views.tones[v] = tone;
+    }
+  }
+}
+
+Registration Registrar::refined(Prepared& views, std::span<const RigidMotion> starts, std::size_t first_level,
+                                Progress& progress) const {
+  constexpr std::array<std::size_t, kLevels> kKept{3, 2, 1, 1};
+  constexpr std::array kSteps{12, 12, 10, 8};
+  std::vector<Candidate> candidates;
+  for (const RigidMotion& start : starts) candidates.push_back({start, 0});
+  progress.begin("refining", static_cast<std::int64_t>(kLevels - first_level), "levels");
+  Progress quiet;
+  PoseFit::Refined last;
+  double next_best = 0;  // similarity of the second best pose, as a share of the best one's
+  for (std::size_t level = first_level; level < kLevels; ++level) {
+    views.make_level(level);
+    const PoseFit fit(pyramid_->level(level), views.levels[level]);
+    for (Candidate& candidate : candidates) {
+      last = fit.refine(candidate.motion, kSteps[level], quiet);
+      candidate = {last.motion, last.similarity};
+      progress.check();
+    }
+    constexpr double kApart_mm = 3;
+    candidates = distinct(std::move(candidates), kApart_mm, kKept[level], *pyramid_);
+    if (candidates.size() > 1) next_best = candidates[1].similarity / candidates[0].similarity;
+    views.projections += fit.projections();
+    progress.advance();
+  }
+  const PoseFit fit(pyramid_->level(kLevels - 1), views.levels[kLevels - 1]);
+  return told(views, last, next_best, fit.similarities_of_views(last.motion, quiet));
+}
+
+Registration Registrar::told(const Prepared& views, const PoseFit::Refined& pose, double next_best,
+                             std::span<const double> similarities) const {
+  Registration found;
+  found.motion = pose.motion;
+  for (std::size_t v = 0; v < views.xrays.size(); ++v) {
+    const PinholeCamera camera = seeing(*views.xrays[v].camera, pose.motion);
+    const glm::dvec3 towards = axis_of(camera);
+    found.views.push_back({.image = views.xrays[v].name,
+                           .camera = camera,
+                           .lao_rad = std::atan2(towards.x, -towards.y),
+                           .cranial_rad = std::asin(std::clamp(towards.z, -1.0, 1.0)),
+                           .similarity = similarities[v],
+                           .tone = views.tones[v]});
+  }
+  const glm::dvec3 sd_mm(pose.sd[0], pose.sd[1], pose.sd[2]), sd_rad(pose.sd[3], pose.sd[4], pose.sd[5]);
+  const glm::dvec3 half_2 = glm::pow(0.5 * (pyramid_->upper_mm() - pyramid_->lower_mm()), glm::dvec3(2));
+  const glm::dvec3 lever_2(half_2.y + half_2.z, half_2.x + half_2.z, half_2.x + half_2.y);
+  found.sd_mm = glm::length(sd_mm);
+  found.sd_deg = glm::degrees(glm::length(sd_rad));
+  found.rms_mm = std::sqrt(glm::dot(sd_mm, sd_mm) + glm::dot(sd_rad * sd_rad, lever_2));
+  found.evaluations = views.projections;
+  constexpr double kLeastSimilarity = 0.2, kMostNextBest = 0.9;
+  found.is_sure = pose.similarity > kLeastSimilarity && next_best < kMostNextBest;
+  if (pose.similarity <= kLeastSimilarity)
+    found.notes.push_back(
+        fmt::format("the X-rays and the projections hardly agree (similarity {:.2f}), so the pose is not to "
+                    "be relied on: "
+                    "look at the overlay, and start nearer or search farther",
+                    pose.similarity));
+  else if (!found.is_sure)
+    found.notes.emplace_back(
+        "another pose fits nearly as well: look at the overlay, and give another view or a nearer start");
+  return found;
+}
+
+Registration Registrar::find(std::span<const Xray> xrays, Progress& progress) {
+  return find(xrays, request_.start, progress);
+}
+
+Registration Registrar::find(std::span<const Xray> xrays, const RigidMotion& start, Progress& progress) {
+  const Stopwatch stopwatch;
+  const bool searches = request_.search_mm > 0 || request_.search_deg > 0;
+  Prepared views = prepared(xrays, start, searches, progress);
+  std::vector<RigidMotion> starts{start};
+  if (searches) starts = searched(views, start, progress);
+  choose_tones(views, starts.front());
+  Registration found = refined(views, starts, 0, progress);
+  found.seconds = 1e-3 * stopwatch.ms();
+  return found;
+}
+
+Registration Registrar::follow(std::span<const Xray> xrays, const Registration& last, Progress& progress) {
+  const Stopwatch stopwatch;
+  Prepared views = prepared(xrays, last.motion, false, progress);
+  for (std::size_t v = 0; v < xrays.size() && v < last.views.size(); ++v) views.tones[v] = last.views[v].tone;
+  Registration found = refined(views, std::span(&last.motion, 1), 1, progress);
+  constexpr double kLeastShare = 0.7;  // of the similarity before; below, the pose was lost
+  const auto sum = [](const Registration& pose) {
+    double similarities = 0;
+    for (const Registration::View& view : pose.views) similarities += view.similarity;
+    return similarities;
+  };
+  if (sum(found) < kLeastShare * sum(last)) return find(xrays, last.motion, progress);
+  found.seconds = 1e-3 * stopwatch.ms();
+  return found;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,115 @@
+#include "xraycast/registration/view_level.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+/// Greys between the darkest and the lightest pixel, but for a few, 0 to 1.
+struct GreyRange {
+  float dark, light;
+  float share(float grey) const { return std::clamp((grey - dark) / (light - dark), 0.F, 1.F); }
+};
+
+GreyRange range_of(const Xray& xray, const std::vector<std::uint8_t>& mask) {
+  std::vector<float> greys;
+  for (std::size_t i = 0; i < mask.size(); ++i)
+    if (mask[i] != 0) greys.push_back(xray.pixels[i]);
+  const auto at = [&](double share) {
+    const auto nth =
+        greys.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(greys.size() - 1));
+    std::ranges::nth_element(greys, nth);
+    return *nth;
+  };
+  const float dark = at(0.002), light = at(0.998);
+  return {dark, std::max(light, std::nextafter(dark, HUGE_VALF))};
+}
+
+float depth_in(Tone tone, float share) {
+  constexpr float kOffset = 0.03F;  // keeps the noise of dark pixels down
+  switch (tone) {
+    case Tone::intensity:
+      return -share;
+    case Tone::log_intensity:
+      return -std::log(share + kOffset);
+    case Tone::inverted_intensity:
+      return share;
+    case Tone::inverted_log_intensity:
+      break;
+  }
+  return -std::log(1 - share + kOffset);
+}
+
+/// Of an X-ray's camera, for means over blocks of pixels from a corner on.
+PinholeCamera coarse(PinholeCamera camera, const PictureBox& box, int factor, int width, int height) {
+  const double shift = (factor - 1) / 2.0;
+  camera.intrinsics[2][0] = (camera.intrinsics[2][0] - box.left - shift) / factor;
+  camera.intrinsics[2][1] = (camera.intrinsics[2][1] - box.top - shift) / factor;
+  camera.intrinsics[0][0] /= factor;
+  camera.intrinsics[1][0] /= factor;
+  camera.intrinsics[1][1] /= factor;
+  camera.width = width;
+  camera.height = height;
+  return camera;
+}
+
+}  // namespace
+
+ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, const PictureBox& box, int factor,
+                   Tone tone) {
+  const int width = (box.right - box.left) / factor, height = (box.bottom - box.top) / factor;
+  if (width < 16 || height < 16)
+    throw InputError("{}: less than 16 x 16 pixels of it show the scan", xray.name);
+  const GreyRange range = range_of(xray, mask);
+  ViewLevel level{.camera = coarse(xray.camera.value(), box, factor, width, height),
+                  .share = (1 - 1 / (1.0 * factor * factor)) / 24,
+                  .counted = {},
+                  .depths = {},
+                  .edges = {}};
+  std::vector<std::uint8_t> inside;
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) {
+      double sum = 0;
+      int count = 0;
+      for (int j = 0; j < factor; ++j)
+        for (int i = 0; i < factor; ++i) {
+          const auto at =
+              static_cast<std::size_t>(box.top + y * factor + j) * static_cast<std::size_t>(xray.width) +
+              static_cast<std::size_t>(box.left + x * factor + i);
+          if (mask[at] == 0) continue;
+          sum += range.share(xray.pixels[at]);
+          ++count;
+        }
+      inside.push_back(count == factor * factor);
+      level.depths.push_back(depth_in(tone, count > 0 ? static_cast<float>(sum / count) : 0));
+    }
+  level.counted = within_filter(inside, width, height);
+  level.edges = edges_of(level.depths, width, height);
+  return level;
+}
+
+std::vector<float> spread(std::vector<float> depths, const ViewLevel& level) {
+  if (level.share == 0) return depths;
+  const int width = level.camera.width, height = level.camera.height;
+  const auto aside = static_cast<float>(level.share), own = 1 - 2 * aside;
+  const auto at = [&](int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+  };
+  std::vector<float> rows(depths.size());
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      rows[at(x, y)] = own * depths[at(x, y)] + aside * (depths[at(std::max(x - 1, 0), y)] +
+                                                         depths[at(std::min(x + 1, width - 1), y)]);
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      depths[at(x, y)] = own * rows[at(x, y)] +
+                         aside * (rows[at(x, std::max(y - 1, 0))] + rows[at(x, std::min(y + 1, height - 1))]);
+  return depths;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,39 @@
+#pragma once
+
+#include "xraycast/registration/edge_filter.hpp"
+#include "xraycast/registration/xray.hpp"
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace xraycast {
+
+/// How an X-ray's greys say what attenuates: they fall or grow with it, as intensities or as their logarithm.
+enum class Tone { intensity, log_intensity, inverted_intensity, inverted_log_intensity };
+inline constexpr std::array kTones{Tone::log_intensity, Tone::intensity, Tone::inverted_log_intensity,
+                                   Tone::inverted_intensity};
+
+/// An X-ray at one resolution.
+struct ViewLevel {
+  PinholeCamera camera;  ///< of the part of the picture that counts, in its pixels
+  /// Depths of the middle of its pixels, passed through (share, 1 - 2 share, share) along rows and columns,
+  /// are nearly means over the pixels, as the X-ray's are.
+  double share = 0;
+  std::vector<std::uint8_t> counted;  ///< pixels that are compared
+  std::vector<float> depths;          ///< in a tone; they grow with what attenuates
+  Edges edges;                        ///< of these
+};
+
+/// Means over factor x factor pixels of the part of the picture's mask within the box. Throws InputError,
+/// with the picture's name in front, when less than 16 x 16 pixels are left.
+struct PictureBox {
+  int left = 0, top = 0, right = 0, bottom = 0;  ///< the last two are one beyond
+};
+ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, const PictureBox& box, int factor,
+                   Tone tone);
+
+/// Means over pixels of depths in their middle.
+std::vector<float> spread(std::vector<float> depths, const ViewLevel& level);
+
+}  // namespace xraycast
