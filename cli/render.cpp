@@ -104,17 +104,24 @@ void check_output(const RenderArguments& options) {
   }
 }
 
-/// Of the vessels in a map that stands still. Throws InputError where it moves nothing.
-MotionRequest motion_request(const RenderArguments& options, const ViewSession& scene, const BodyMap& map) {
-  MotionRequest request = motion_request_of(options.motion);
-  if (!request.motion.empty() && scene.vessels.empty())
-    throw InputError("--motion {}: moves vessels; give --vessels too, or leave it out: a map {}",
-                     options.motion.motion, map.keys ? "that moves needs none" : "stays as it was cast");
+/// Throws InputError for a motion that moves nothing.
+void check_motion(const RenderArguments& options, const ViewSession& scene) {
+  if (!options.motion.motion.empty() && scene.vessels.empty())
+    throw InputError(
+        "--motion {}: moves vessels; give --vessels too, or leave it out: a map needs none, it moves by "
+        "itself "
+        "or stays as it was cast",
+        options.motion.motion);
   if (!options.road_map_phases.empty() && !(scene.steered && scene.steered->has_road_map))
     throw InputError(
         "--road-map-phase {}: there is no road map; give a --session that has one, or leave it out",
         options.road_map_phases.front());
-  if (map.keys) return {};  // phases_of_frames() takes them
+}
+
+/// Of the vessels in a map that stands still; of one that moves, phases_of_frames() takes the instants.
+MotionRequest motion_request(const RenderArguments& options, const BodyMap& map) {
+  if (map.keys) return {};
+  MotionRequest request = motion_request_of(options.motion);
   if (request.motion.empty() && (!request.phase.empty() || request.time_s || options.seconds))
     throw InputError(
         "{}: the map stands still; make one that moves by `xraycast cast --motion` without --phase and "
@@ -175,7 +182,12 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
   if (!session.vessels.empty()) {
     std::vector<std::string> notes;
     const std::string vessels = session.vessels.string();
-    check_same_instant(*map, session.map.string(), vessels + motion.suffix());
+    if (!motion.phases.empty())
+      check_same_instant(*map, session.map.string(), vessels + motion.suffix());
+    else if (!map->keys && !instant_of(map->source).empty())
+      program.say(
+          {"the map shows the body at an instant of its motion, and the vessels are drawn as they are; give "
+           "--motion and --phase if they are at rest"});
     scene.vessels = moved(read_vessels(session.vessels, session.contrast_mg_ml), motion.held, vessels, notes);
     if (map->keys) scene.motion = motion_of_map(options, *map, program);
     program.say(notes);
@@ -262,10 +274,11 @@ void render(const RenderArguments& options, Invocation& invocation) {
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
   ViewSession scene = resolve_scene(options.session, options.map, options.scene);
   const PictureOptions picture = picture_of(options, scene);
+  check_motion(options, scene);
   scene.style = picture.style;
   const auto& fluoroscope = picture.acquisition.fluoroscope;
   const auto map = load_map(scene, invocation.device);
-  const MotionOfRequest motion = held_motion(motion_request(options, scene, *map));
+  const MotionOfRequest motion = held_motion(motion_request(options, *map));
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
   const View view = resolve_view(options, scene, bounds_of(map->geometry));
   const double frame_s = fluoroscope ? 1 / fluoroscope->pulses_per_s : CineWriter::kUsualFrame_s;

@@ -149,7 +149,8 @@ FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const
   SceneArguments arguments_of_scene = given.scene;
   arguments_of_scene.motion = moved.still;
   HeldScene scene = scene_of(arguments_of_scene);
-  if (scene.vessels) check_same_instant(*body.map, "the map", "vessels" + scene.motion.suffix());
+  if (scene.vessels && !given.motion.is_none())
+    check_same_instant(*body.map, "the map", "vessels" + scene.motion.suffix());
   PictureOptions picture;
   choose_look(given.look, picture);
   picture.style.sampling.compositing = parse_compositing(given.compositing);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "poses.hpp"
+#include "calls/poses.hpp"
 #include "xraycast/acquisition/acquisition.hpp"
 
 #include <memory>

@@ -4,7 +4,7 @@ Arrays are NumPy's: volumes (z, y, x), pictures (rows, columns) with row 0 on to
 grows towards the patient's left, y towards posterior, z towards superior. Optical depth is tau; transmission is
 exp(-tau). Every long call takes `progress`, a callable (fraction, stage) or tqdm, and stops at Ctrl-C.
 """
-from . import similarity
+from . import similarity as similarity
 from ._core import (Basis, BodyMap, Catheter, CatheterState, CoaxialInstruments, Comparison, Exposure, Fluoroscope, Frame, Frames,
                     InstrumentShape, Mesh, Motion, Opacity, RegisteredView, Registration, Run, Scan, VesselBranch, Vessels,
                     VesselTree, __version__, compare, convert, devices, export, open, phantom, register, simulate, use_device)
@@ -13,4 +13,4 @@ from ._errors import DeviceError, Error, InputError
 __all__ = ["Basis", "BodyMap", "Catheter", "CatheterState", "CoaxialInstruments", "Comparison", "DeviceError", "Error", "Exposure",
            "Fluoroscope", "Frame", "Frames", "InputError", "InstrumentShape", "Mesh", "Motion", "Opacity", "RegisteredView", "Registration",
            "Run", "Scan", "VesselBranch", "VesselTree", "Vessels", "compare", "convert", "devices", "export", "open", "phantom",
-           "register", "similarity", "simulate", "use_device"]
+           "register", "simulate", "use_device"]

@@ -580,9 +580,17 @@ TEST_F(Cli, RenderMovesVesselsButNoRoadMap) {
   const std::string moves = " --motion @/motion/motion.json --phase breath=1",
                     look = " --vessels @/truth --look surface";
   EXPECT_EQ(json_of("render @/in.exr -o @/moved.png" + look + moves)["motion"]["breath"], 1);
-  output_of("render @/in.exr -o @/stayed.png --quiet" + look);
+  expect_one_line(run("render @/in.exr -o @/stayed.png" + look).err, "vessels are drawn as they are");
   EXPECT_NE(read_bytes(folder_ / "moved.png"), read_bytes(folder_ / "stayed.png"));
-  expect_one_line(run("render @/rest.exr -o @/p.png" + look + moves).err, "cast the map at the same instant");
+  expect_one_line(run("render @/rest.exr -o @/p.png" + look + moves).err, "give both of one instant");
+
+  // The vessels in a map that moves follow it, by the motion that it names.
+  output_of(
+      "cast @/ct.nrrd -o @/moving.exr --layers 2 --motion @/motion/motion.json --keys breath=2 --keys "
+      "heart=2 --quiet");
+  output_of("render @/moving.exr -o @/inhaled.png --phase breath=1 --quiet" + look);
+  output_of("render @/moving.exr -o @/exhaled.png --phase breath=0 --quiet" + look);
+  EXPECT_NE(read_bytes(folder_ / "inhaled.png"), read_bytes(folder_ / "exhaled.png"));
 
   write_bytes(folder_ / "s.json", R"({"xraycast_session": 1, "files": {"map": "in.exr", "vessels": "truth"},
     "simulation": {"nodes_mm": [[0, 0, -90], [0, 0, -80], [0, 0, -70], [1, 0, -60]], "radius_mm": 0.8, "road_map": true},

@@ -1,4 +1,4 @@
-#include "poses.hpp"
+#include "calls/poses.hpp"
 
 #include "calls/job.hpp"
 #include "xraycast/base/error.hpp"
