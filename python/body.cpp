@@ -225,7 +225,7 @@ void write_file(nb::handle path, const nb::object& progress, const Write& write)
   });
 }
 
-HeldBody body_at(const HeldBody& body, const nb::object& phase, const nb::object& time) {
+HeldBody body_at(const HeldBody& body, const PhaseArgument& phase, const TimeArgument& time) {
   const std::vector<double> phases = phases_at_instant(*body.map, phase, time);
   return result_of(nb::none(), [&](Progress&) {
     return HeldBody{std::make_shared<const BodyMap>(map_at(*body.map, phases))};
