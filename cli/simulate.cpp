@@ -88,15 +88,21 @@ View view_of(const SimulateArguments& options, const BodyBounds& bounds) {
 /// Draws the run into --cine while the catheter moves.
 class Cine {
  public:
-  Cine(const SimulateArguments& options, const VesselTree& tree, double longest_s,
-       const Invocation& invocation) {
+  Cine(const SimulateArguments& options, const RunRequest& request, const Invocation& invocation) {
+    const VesselTree& tree = *request.tree;
+    const double longest_s = request.script->rows().back().time_s;
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     const BodyBounds bounds = bounds_of(map->geometry);
     invocation.say(notes_on_place(tree, bounds, options.tree));
     const RunCine::Options cine{.view = view_of(options, bounds),
                                 .picture = picture_of(options),
                                 .injection = parse_injection(options.injection),
-                                .blood = {.heart_rate_bpm = parse_heart_rate(options.injection)}};
+                                .blood = {.heart_rate_bpm = parse_heart_rate(options.injection)},
+                                .motion = request.motion};
+    if (request.motion && !map->keys)
+      invocation.say(
+          {"the map of --cine stands still; one by `xraycast cast --motion` without --phase and --time "
+           "moves with the run"});
     const AcquisitionOptions& acquisition = cine.picture.acquisition;
     if (acquisition.fluoroscope || is_xa(options.cine)) note_on_vessels(cine.injection, invocation);
     if (acquisition.fluoroscope && !map->spectrum()) note_on_energies(invocation);
@@ -212,13 +218,10 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
   if (!options.cine.empty()) request.injection = parse_injection(options.injection);
   invocation.say(check(request));
   if (request.motion) invocation.say(request.motion->warnings());
-  if (request.motion && !options.cine.empty())
-    invocation.say({"--cine shows body and vessels at rest; only the instruments move"});
 
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
-  if (!options.cine.empty())
-    cine.emplace(options, *request.tree, request.script->rows().back().time_s, invocation);
+  if (!options.cine.empty()) cine.emplace(options, request, invocation);
   HubSamples samples(*request.script);
   const Run run = xraycast::run(request, invocation.progress, [&](const Instruments& moved, double time_s) {
     if (!options.plot.empty()) samples.record(moved, time_s);

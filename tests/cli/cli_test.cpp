@@ -592,6 +592,18 @@ TEST_F(Cli, RenderMovesVesselsButNoRoadMap) {
   output_of("render @/moving.exr -o @/exhaled.png --phase breath=0 --quiet" + look);
   EXPECT_NE(read_bytes(folder_ / "inhaled.png"), read_bytes(folder_ / "exhaled.png"));
 
+  // So do body and contrast agent in a run's cine.
+  write_bytes(folder_ / "push.csv", "time_s,insertion_mm,rotation_deg\n0,5,0\n0.3,20,0\n");
+  const auto cine = [&](const std::string& phase) {
+    output_of(
+        "simulate @/truth --device-model cobra-5f --script @/push.csv -o @/log.csv --map @/moving.exr "
+        "--quiet "
+        "--inject 0,0.3 --motion @/motion/motion.json --phase breath=" +
+        phase + " --phase heart=0 --cine @/run" + phase);
+    return read_bytes(folder_ / ("run" + phase) / "frame-002.png");
+  };
+  EXPECT_NE(cine("0"), cine("1"));
+
   write_bytes(folder_ / "s.json", R"({"xraycast_session": 1, "files": {"map": "in.exr", "vessels": "truth"},
     "simulation": {"nodes_mm": [[0, 0, -90], [0, 0, -80], [0, 0, -70], [1, 0, -60]], "radius_mm": 0.8, "road_map": true},
     "camera": {"angle_deg": 0, "tilt_deg": 0, "table_mm": 0, "zoom": 1},

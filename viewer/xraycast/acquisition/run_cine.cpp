@@ -1,5 +1,7 @@
 #include "xraycast/acquisition/run_cine.hpp"
 
+#include "xraycast/base/error.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
@@ -21,6 +23,15 @@ double radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
       .radius_mm;
 }
 
+/// Throws InputError unless a map stands still or moves by the modes of a motion.
+void check_modes(const BodyMap& map, const Motion& motion) {
+  if (!map.keys) return;
+  const auto has_name = [](const MotionMode& a, const MotionMode& b) { return a.name == b.name; };
+  if (!std::ranges::equal(map.keys->phases().rhythm().modes(), motion.modes(), has_name))
+    throw InputError("{}: has other modes than the map; give the motion by which the map was cast",
+                     motion.name());
+}
+
 }  // namespace
 
 View no_smaller(View view, const BodyBounds& bounds) {
@@ -40,6 +51,11 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
       bolus_(tree, options.blood),
       contrast_(tree),
       road_map_(tree) {
+  if (options.motion) {
+    check_modes(*map, *options.motion);
+    Progress progress;
+    contrast_points_.emplace(contrast_.whole().mesh.points_mm, *options.motion, progress);
+  }
   renderer_.set_map(std::move(map));
   if (const auto& fluoroscope = options.picture.acquisition.fluoroscope)
     options_.step_s = 1 / fluoroscope->pulses_per_s;
@@ -90,6 +106,8 @@ double RunCine::opacified_tau(const VesselTree::Location& tip) const {
 
 /// The contrast agent's surface follows the instruments'.
 void RunCine::place(const Instruments& instruments) {
+  const std::span<const double> phases = instruments.phases();
+  if (!phases.empty()) renderer_.set_phases(phases);
   std::vector<glm::dvec3> nodes_mm;
   std::size_t surfaces = 0;
   for (std::size_t d = 0; d < instruments.count(); ++d) {
@@ -97,8 +115,11 @@ void RunCine::place(const Instruments& instruments) {
     for (const Surface& surface : instrument_surfaces(nodes_mm, instruments.rod(d).instrument()))
       renderer_.replace_surface(surfaces++, surface);
   }
-  if (options_.picture.style.look == Look::fluoro)
-    renderer_.replace_surface(surfaces, contrast_.filled(bolus_.iodine_mg_ml()));
+  if (options_.picture.style.look != Look::fluoro) return;
+  renderer_.replace_surface(surfaces,
+                            contrast_points_ && !phases.empty()
+                                ? contrast_.filled(bolus_.iodine_mg_ml(), contrast_points_->at(phases))
+                                : contrast_.filled(bolus_.iodine_mg_ml()));
 }
 
 const AcquiredFrame& RunCine::frame() {

@@ -2,12 +2,14 @@
 
 #include "xraycast/acquisition/map_acquisition.hpp"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/motion/moving_points.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/injection.hpp"
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace xraycast {
@@ -27,10 +29,13 @@ class RunCine {
     double step_s = 0.1;       ///< between frames; a fluoroscope's follow its pulses
     Injection injection;       ///< none: of no duration
     Blood blood;
+    /// Of the run: the contrast agent moves by it, and the map too, if it is one that moves; the road map
+    /// stays as it was taken, at phase 0.
+    std::shared_ptr<const Motion> motion{};
   };
   static constexpr double kMask_s = 0.5;  ///< what a run of subtraction shows before the injection
 
-  /// The tree must outlive the cine.
+  /// The tree must outlive the cine. Throws InputError for a map that moves by other modes than the run.
   RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options);
 
   /// Tell it of a run (see RunListener). Where a frame is due, true: take it then, by frame() or by
@@ -67,6 +72,7 @@ class RunCine {
   Renderer renderer_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
+  std::optional<MovingPoints> contrast_points_;
   RoadMap road_map_;
   SubtractionWindow window_;
   std::vector<float> tau_;
