@@ -60,6 +60,16 @@ def smaller(k: Array, factor: int) -> Array:
     return k
 
 
+def sampled(picture: Array, k: Array, factor: int) -> tuple[Array, Array]:
+    """Every so many pixels along rows and columns, and their camera."""
+    first = factor // 2
+    k = k.copy()
+    k[:2, 2] = (k[:2, 2] - first) / factor
+    k[0, 0] /= factor
+    k[1, 1] /= factor
+    return picture[first::factor, first::factor], k
+
+
 def rotation(vector: Array) -> Array:
     """The rotation by a vector in rad, by Rodrigues' formula."""
     angle = np.linalg.norm(vector)
@@ -106,7 +116,9 @@ def register(pyramid: list[xc.Scan], picture: Array, k: Array, rt: Array) -> Arr
     """The pose of a picture of optical depths, from one near to it; `pyramid` as `pyramid_of` makes it."""
     for (_, pixels), scan in zip(LEVELS, pyramid):
         rt = refine(scan, averaged(picture, pixels), smaller(k, pixels), rt, np.array(scan.centre_mm))
-    return rt
+    # Means over pixels are not what single rays meet, above all where the scan cuts the body off: at last, compare rays.
+    seen, camera = sampled(picture, k, LEVELS[-1][1])
+    return refine(pyramid[-1], seen, camera, rt, np.array(pyramid[-1].centre_mm))
 
 
 def pyramid_of(scan: xc.Scan) -> list[xc.Scan]:
