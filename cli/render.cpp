@@ -158,7 +158,7 @@ std::shared_ptr<const Motion> motion_of_map(const RenderArguments& options, cons
 /// A road map shows the vessels as they were when it was taken, whatever the body does since.
 VesselTree road_map_of(const ViewSession& session, const RenderArguments& options,
                        const Invocation& program) {
-  const VesselTree tree = read_tree(session.vessels);
+  VesselTree tree = read_tree(session.vessels);
   if (options.road_map_phases.empty()) return tree;
   const HeldMotion taken =
       held_motion({options.motion.motion, parse_phases(options.road_map_phases), {}}).held;

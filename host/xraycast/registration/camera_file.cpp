@@ -115,12 +115,11 @@ PinholeCamera camera_of_autoscoper(const std::string& text, const std::string& n
              k = numbers_after(text, "camera matrix", 9, name), r = numbers_after(text, "rotation", 9, name),
              t = numbers_after(text, "translation", 3, name);
   PinholeCamera camera;
-  for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 3; ++column) {
-      const auto at = static_cast<std::size_t>(3 * row + column);
-      camera.intrinsics[column][row] = k[at];
-      camera.rotation[column][row] = r[at];
-    }
+  for (std::size_t at = 0; at < 9; ++at) {
+    const auto row = static_cast<glm::length_t>(at / 3), column = static_cast<glm::length_t>(at % 3);
+    camera.intrinsics[column][row] = k[at];
+    camera.rotation[column][row] = r[at];
+  }
   camera.rotation = exact(camera.rotation, name + ": rotation");
   camera.translation_mm = {t[0], t[1], t[2]};
   constexpr double kMostPixels = 16384;

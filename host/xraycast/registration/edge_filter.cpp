@@ -7,9 +7,9 @@
 namespace xraycast {
 namespace {
 
-constexpr int kReach = 3;  ///< of both filters below, from their middle
+constexpr int kReach = 3, kTaps = 2 * kReach + 1;  ///< of both filters below, from their middle
 
-using Taps = std::array<float, 2 * kReach + 1>;
+using Taps = std::array<float, kTaps>;
 /// Binomial, a Gaussian of one pixel; and its central difference.
 constexpr Taps kSmooth{0, 1 / 16.F, 4 / 16.F, 6 / 16.F, 4 / 16.F, 1 / 16.F, 0};
 constexpr Taps kSlope{-1 / 32.F, -4 / 32.F, -5 / 32.F, 0, 5 / 32.F, 4 / 32.F, 1 / 32.F};
@@ -29,16 +29,16 @@ void filter_line(const float* from, float* to, int count, std::size_t step, cons
   };
   for (int i = 0; i < count; ++i) {
     float sum = 0;
-    for (int k = -kReach; k <= kReach; ++k) sum += taps[static_cast<std::size_t>(k + kReach)] * value(i + k);
+    for (int t = 0; t < kTaps; ++t) sum += taps[static_cast<std::size_t>(t)] * value(i + t - kReach);
     to[static_cast<std::size_t>(i) * step] = sum;
   }
 }
 
 void spread_line(const float* from, float* to, int count, std::size_t step, const Taps& taps) {
   for (int i = 0; i < count; ++i)
-    for (int k = -kReach; k <= kReach; ++k)
-      to[static_cast<std::size_t>(std::clamp(i + k, 0, count - 1)) * step] +=
-          taps[static_cast<std::size_t>(k + kReach)] * from[static_cast<std::size_t>(i) * step];
+    for (int t = 0; t < kTaps; ++t)
+      to[static_cast<std::size_t>(std::clamp(i + t - kReach, 0, count - 1)) * step] +=
+          taps[static_cast<std::size_t>(t)] * from[static_cast<std::size_t>(i) * step];
 }
 
 std::vector<float> filtered(std::span<const float> picture, const Size& size, const Taps& across,
@@ -48,10 +48,10 @@ std::vector<float> filtered(std::span<const float> picture, const Size& size, co
     filter_line(&picture[size.at(0, y)], &rows[size.at(0, y)], size.width, 1, across);
   // Row by row, so that memory is read in order.
   for (int y = 0; y < size.height; ++y)
-    for (int k = -kReach; k <= kReach; ++k) {
-      const float tap = down[static_cast<std::size_t>(k + kReach)];
+    for (int t = 0; t < kTaps; ++t) {
+      const float tap = down[static_cast<std::size_t>(t)];
       if (tap == 0) continue;
-      const float* const from = &rows[size.at(0, std::clamp(y + k, 0, size.height - 1))];
+      const float* const from = &rows[size.at(0, std::clamp(y + t - kReach, 0, size.height - 1))];
       float* const to = &both[size.at(0, y)];
       for (int x = 0; x < size.width; ++x) to[x] += tap * from[x];
     }

@@ -35,7 +35,7 @@ class Strategy {
         covariance_path_(Eigen::VectorXd::Zero(n)),
         covariance_(Eigen::MatrixXd::Identity(n, n)),
         sigma_(sigma) {
-    for (int i = 0; i < weights_.size(); ++i) weights_[i] = std::log(lambda / 2 + 0.5) - std::log(i + 1.0);
+    for (int i = 0; i < weights_.size(); ++i) weights_[i] = std::log(0.5 * lambda + 0.5) - std::log(i + 1.0);
     weights_ /= weights_.sum();
     effective_ = 1 / weights_.squaredNorm();
     decompose();
