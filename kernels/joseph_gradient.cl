@@ -214,12 +214,13 @@ static inline void add_plane(SlopeSums* sums, const Rays* rays, const int k, con
   const float16 below = fma(cells->along_u, across_below, cells->here_below),
                 above = fma(cells->along_u, across_above, cells->here_above);
   const float16 hu = fma(cells->along_v, above - below, below) * unit;
-  const float16 u = fma((float16)(float)k, rays->du, rays->u0), v = fma((float16)(float)k, rays->dv, rays->v0);
+  const float16 u = fma((float16)(float)k, rays->du, rays->u0),
+                v = fma((float16)(float)k, rays->dv, rays->v0);
   const float16 by_u = select((float16)0.0f, fma(cells->along_v, across_above - across_below, across_below),
                               u >= 0.0f && u <= (float)rays->last_u),
                 by_v = select((float16)0.0f, above - below, v >= 0.0f && v <= (float)rays->last_z);
-  const float16 mu = mu_of16(hu, opacity, table),
-                weight = share * mu_slope_of16(hu, opacity, table) * unit, step = (float)k - sums->middle;
+  const float16 mu = mu_of16(hu, opacity, table), weight = share * mu_slope_of16(hu, opacity, table) * unit,
+                step = (float)k - sums->middle;
   const float16 mu_by_u = weight * by_u, mu_by_v = weight * by_v;
   sums->sum = fma(share, mu, sums->sum);
   sums->by_u += mu_by_u;
@@ -260,8 +261,8 @@ static inline Motion motion_of(const Line* line, const float by_u, const float b
   const float3 slope = along_axes(axis, -(by_u * du + by_v * dv), by_u, by_v) / spacing_mm,
                k_slope = along_axes(axis, -(k_by_u * du + k_by_v * dv), k_by_u, k_by_v) / spacing_mm;
   const float3 from_centre = line->at_0 - centre;
-  Motion motion = {slope, cross((from_centre + middle * way) * spacing_mm, slope) +
-                              cross(way * spacing_mm, k_slope)};
+  Motion motion = {
+      slope, cross((from_centre + middle * way) * spacing_mm, slope) + cross(way * spacing_mm, k_slope)};
   add(&motion, -first_mu, end_slope(line, line->low_by, spacing_mm),
       (from_centre + line->low * way) * spacing_mm);
   add(&motion, last_mu, end_slope(line, line->high_by, spacing_mm),
