@@ -143,14 +143,6 @@ std::shared_ptr<const Motion> motion_of_map(const RenderArguments& options, cons
     return nullptr;
   }
   auto motion = std::make_shared<const Motion>(read_motion(file));
-  const auto names = [](const Motion& of) {
-    std::vector<std::string> all;
-    for (const MotionMode& mode : of.modes()) all.push_back(mode.name);
-    return all;
-  };
-  if (names(*motion) != names(map.keys->phases().rhythm()))
-    throw InputError("--motion {}: has other modes than the map; give the motion by which it was cast",
-                     file.string());
   program.say(motion->warnings());
   return motion;
 }

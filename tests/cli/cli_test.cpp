@@ -591,6 +591,10 @@ TEST_F(Cli, RenderMovesVesselsButNoRoadMap) {
   output_of("render @/moving.exr -o @/inhaled.png --phase breath=1 --quiet" + look);
   output_of("render @/moving.exr -o @/exhaled.png --phase breath=0 --quiet" + look);
   EXPECT_NE(read_bytes(folder_ / "inhaled.png"), read_bytes(folder_ / "exhaled.png"));
+  write_bytes(folder_ / "other.json", R"({"version": 1, "modes": [{"name": "turn", "period_s": 4,
+    "phases": [{"phase": 0}, {"phase": 1}]}]})");
+  expect_one_line(run("render @/moving.exr -o @/p.png --phase breath=1 --motion @/other.json" + look).err,
+                  "other.json: has other modes than the map");
 
   // So do body and contrast agent in a run's cine.
   write_bytes(folder_ / "push.csv", "time_s,insertion_mm,rotation_deg\n0,5,0\n0.3,20,0\n");

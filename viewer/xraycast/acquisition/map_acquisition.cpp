@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/scene/annotations.hpp"
+#include "xraycast/scene/same_scan.hpp"
 
 #include <fmt/ranges.h>
 
@@ -57,6 +58,7 @@ MapAcquisition::MapAcquisition(Renderer& renderer, MapScene scene, const Picture
   if (scene_.road_map) road_map_.emplace(*scene_.road_map);
   renderer_.set_map(scene_.map);
   Progress progress;
+  if (scene_.motion) check_same_modes(*scene_.map, *scene_.motion);
   if (scene_.motion && scene_.vessels) moving_.emplace(*scene_.vessels, *scene_.motion, progress);
   show_vessels(true);
 }

@@ -1,10 +1,9 @@
 #include "xraycast/acquisition/run_cine.hpp"
 
-#include "xraycast/base/error.hpp"
-#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
+#include "xraycast/scene/same_scan.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 
 #include <algorithm>
@@ -21,15 +20,6 @@ double radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
       .points[static_cast<std::size_t>(
           std::min(beyond - branch.arc_length_mm.begin(), std::ssize(branch.points) - 1))]
       .radius_mm;
-}
-
-/// Throws InputError unless a map stands still or moves by the modes of a motion.
-void check_modes(const BodyMap& map, const Motion& motion) {
-  if (!map.keys) return;
-  const auto has_name = [](const MotionMode& a, const MotionMode& b) { return a.name == b.name; };
-  if (!std::ranges::equal(map.keys->phases().rhythm().modes(), motion.modes(), has_name))
-    throw InputError("{}: has other modes than the map; give the motion by which the map was cast",
-                     motion.name());
 }
 
 }  // namespace
@@ -52,7 +42,7 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
       contrast_(tree),
       road_map_(tree) {
   if (options.motion) {
-    check_modes(*map, *options.motion);
+    check_same_modes(*map, *options.motion);
     Progress progress;
     contrast_points_.emplace(contrast_.whole().mesh.points_mm, *options.motion, progress);
   }

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/plain_text.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <fmt/format.h>
@@ -110,6 +111,14 @@ void check_same_instant(const BodyMap& map, const std::string& name, const std::
         "{} shows the body {}, but {} is {}; give both of one instant, or a map that moves (`xraycast cast "
         "--motion` without --phase and --time)",
         name, of_map, other, of_other);
+}
+
+void check_same_modes(const BodyMap& map, const Motion& motion) {
+  if (!map.keys) return;
+  const auto has_name = [](const MotionMode& a, const MotionMode& b) { return a.name == b.name; };
+  if (!std::ranges::equal(map.keys->phases().rhythm().modes(), motion.modes(), has_name))
+    throw InputError("{}: has other modes than the map; give the motion by which the map was cast",
+                     motion.name());
 }
 
 }  // namespace xraycast

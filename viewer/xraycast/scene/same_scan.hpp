@@ -29,4 +29,8 @@ std::map<std::string, double> instant_of(const std::string& source);
 /// `other`, a scan or vessels, whose source this is.
 void check_same_instant(const BodyMap& map, const std::string& name, const std::string& other);
 
+/// Throws InputError, naming the motion, unless the map stands still or moves by the motion's modes, in the
+/// same order: phases of the one are then those of the other.
+void check_same_modes(const BodyMap& map, const Motion& motion);
+
 }  // namespace xraycast
