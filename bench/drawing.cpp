@@ -1,7 +1,7 @@
 // Frames of the viewer.
 #include "frames.hpp"
 #include "suite.hpp"
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 
 #include <memory>
 #include <tuple>

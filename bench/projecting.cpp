@@ -1,8 +1,8 @@
 // DRRs.
 #include "rtk.hpp"
 #include "suite.hpp"
-#include "xraycast/casting/projector.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/projection/projector.hpp"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <filesystem>
 #include <string>

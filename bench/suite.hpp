@@ -6,9 +6,9 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/map_geometry.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
-#include "xraycast/casting/view.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/motion/key_phases.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <benchmark/benchmark.h>
 

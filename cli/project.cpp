@@ -7,8 +7,8 @@
 #include "xraycast/acquisition/scan_acquisition.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/stopwatch.hpp"
-#include "xraycast/casting/projection_file.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
+#include "xraycast/projection/projection_file.hpp"
 
 #include <fmt/format.h>
 

@@ -8,7 +8,7 @@
 #include "xraycast/base/memory_limit.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/casting/projection_file.hpp"
+#include "xraycast/projection/projection_file.hpp"
 #include "xraycast/scene/absorbing_surfaces.hpp"
 
 #include <cmath>

@@ -8,7 +8,7 @@
 #include "scene.hpp"
 #include "xraycast/acquisition/scan_acquisition.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/string.h>

@@ -3,7 +3,7 @@
 #include "options/command.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/casting/xa_file.hpp"
+#include "xraycast/projection/xa_file.hpp"
 #include "xraycast/simulation/cardiac_waveform.hpp"
 
 #include <cmath>

@@ -1,7 +1,7 @@
 #include "options/view_options.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/casting/projection_file.hpp"
+#include "xraycast/projection/projection_file.hpp"
 
 #include <glm/trigonometric.hpp>
 

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "options/command.hpp"
-#include "xraycast/casting/view.hpp"
-#include "xraycast/casting/xa_file.hpp"
+#include "xraycast/projection/view.hpp"
+#include "xraycast/projection/xa_file.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <optional>

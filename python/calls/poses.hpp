@@ -1,8 +1,8 @@
 #pragma once
 
 #include "calls/values.hpp"
-#include "xraycast/casting/pinhole_camera.hpp"
-#include "xraycast/casting/view.hpp"
+#include "xraycast/projection/pinhole_camera.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <functional>
 #include <variant>

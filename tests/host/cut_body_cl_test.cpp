@@ -4,9 +4,9 @@
 #include "support/reference.hpp"
 #include "support/shared_device.hpp"
 #include "xraycast/casting/caster.hpp"
-#include "xraycast/casting/projector.hpp"
 #include "xraycast/casting/recast.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
+#include "xraycast/projection/projector.hpp"
 #include "xraycast/requests/slab_caster.hpp"
 
 #include <fmt/format.h>

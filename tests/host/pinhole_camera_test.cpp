@@ -1,4 +1,4 @@
-#include "xraycast/casting/pinhole_camera.hpp"
+#include "xraycast/projection/pinhole_camera.hpp"
 
 #include "xraycast/base/error.hpp"
 

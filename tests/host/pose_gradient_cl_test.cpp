@@ -1,6 +1,6 @@
 #include "support/reference.hpp"
 #include "support/shared_device.hpp"
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 
 #include <glm/geometric.hpp>
 #include <glm/mat3x3.hpp>

@@ -1,4 +1,4 @@
-#include "xraycast/casting/projection_file.hpp"
+#include "xraycast/projection/projection_file.hpp"
 
 #include "support/pictures.hpp"
 #include "support/scan_files.hpp"

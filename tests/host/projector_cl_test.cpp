@@ -2,9 +2,9 @@
 #include "support/reference.hpp"
 #include "support/shared_device.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/casting/projector.hpp"
 #include "xraycast/opencl/device_opacity.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/projection/projector.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>

@@ -1,6 +1,6 @@
 #include "support/shared_device.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 #include "xraycast/registration/pose_fit.hpp"
 #include "xraycast/registration/registration.hpp"
 

@@ -3,7 +3,7 @@
 #include "support/reference.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/caster.hpp"
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "xraycast/casting/view.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include "xraycast/base/error.hpp"
 

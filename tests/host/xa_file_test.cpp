@@ -1,4 +1,4 @@
-#include "xraycast/casting/xa_file.hpp"
+#include "xraycast/projection/xa_file.hpp"
 
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"

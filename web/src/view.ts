@@ -1,4 +1,4 @@
-// A C-arm and its detector, as `xraycast render` has them (host/xraycast/casting/view.hpp).
+// A C-arm and its detector, as `xraycast render` has them (host/xraycast/projection/view.hpp).
 import { Vec3, add, cross, dot, minus, times } from "./vectors";
 
 export interface Cone {

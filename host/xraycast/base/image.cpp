@@ -6,19 +6,18 @@
 namespace xraycast {
 namespace {
 
-/// The value that `share` of the values do not exceed.
+std::uint8_t grey(double share) {
+  return static_cast<std::uint8_t>(std::lround(255 * std::clamp(share, 0.0, 1.0)));
+}
+
+}  // namespace
+
 float quantile(std::vector<float> values, double share) {
   const auto nth =
       values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::ranges::nth_element(values, nth);
   return *nth;
 }
-
-std::uint8_t grey(double share) {
-  return static_cast<std::uint8_t>(std::lround(255 * std::clamp(share, 0.0, 1.0)));
-}
-
-}  // namespace
 
 double typical_depth(std::span<const float> tau) {
   constexpr float kMatter = 0.05f;  // lower values are air and cloth, which do not affect the window

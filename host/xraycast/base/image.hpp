@@ -6,6 +6,9 @@
 
 namespace xraycast {
 
+/// The value that `share` of the values, of which there is one at least, do not exceed.
+float quantile(std::vector<float> values, double share);
+
 /// The optical depth of an image's denser parts: the 90th percentile of all pixels that are not air.
 double typical_depth(std::span<const float> tau);
 

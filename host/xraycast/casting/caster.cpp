@@ -2,8 +2,8 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/device_rays.hpp"
-#include "xraycast/casting/projector.hpp"
 #include "xraycast/opencl/device_opacity.hpp"
+#include "xraycast/projection/projector.hpp"
 
 namespace xraycast {
 namespace {

@@ -2,9 +2,9 @@
 
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/casting/caster.hpp"
-#include "xraycast/casting/projector.hpp"
 #include "xraycast/motion/motion.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
+#include "xraycast/projection/projector.hpp"
 
 #include <filesystem>
 #include <optional>

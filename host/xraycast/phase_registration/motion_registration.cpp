@@ -9,6 +9,7 @@
 #include "xraycast/phase_registration/elastix.hpp"
 #include "xraycast/phase_registration/landmark_pairs.hpp"
 #include "xraycast/scan/scan.hpp"
+#include "xraycast/volume/block_means.hpp"
 #include "xraycast/volume/trilinear_hu.hpp"
 
 #include <fmt/format.h>
@@ -32,25 +33,9 @@ constexpr double kVoxel_mm = 1.5;
 Volume averaged(const Volume& scan) {
   const VolumeGeometry& fine = scan.geometry();
   Index3 by(1);
-  VolumeGeometry grid = fine;
-  for (int axis = 0; axis < 3; ++axis) {
+  for (int axis = 0; axis < 3; ++axis)
     by[axis] = std::clamp<std::int64_t>(std::llround(kVoxel_mm / fine.spacing_mm[axis]), 1, fine.size[axis]);
-    grid.size[axis] = fine.size[axis] / by[axis];
-  }
-  grid.spacing_mm = fine.spacing_mm * glm::dvec3(by);
-  grid.origin_mm = fine.lower_mm() + 0.5 * grid.spacing_mm;
-  Volume coarse(grid);
-  parallel_for(grid.size.z, [&](std::int64_t z) {
-    for (std::int64_t y = 0; y < grid.size.y; ++y)
-      for (std::int64_t x = 0; x < grid.size.x; ++x) {
-        std::int64_t sum = 0;
-        for (std::int64_t k = 0; k < by.z; ++k)
-          for (std::int64_t j = 0; j < by.y; ++j)
-            for (std::int64_t i = 0; i < by.x; ++i) sum += scan.at(x * by.x + i, y * by.y + j, z * by.z + k);
-        coarse.at(x, y, z) = static_cast<std::int16_t>(sum / (by.x * by.y * by.z));
-      }
-  });
-  return coarse;
+  return block_means(scan, by);
 }
 
 /// 1 where a scan is above 0, else 0: elastix reads bytes.

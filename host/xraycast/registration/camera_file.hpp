@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/casting/pinhole_camera.hpp"
+#include "xraycast/projection/pinhole_camera.hpp"
 #include "xraycast/registration/rigid_motion.hpp"
 
 #include <filesystem>

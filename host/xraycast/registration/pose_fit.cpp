@@ -1,6 +1,7 @@
 #include "xraycast/registration/pose_fit.hpp"
 
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/registration/similarity.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -65,23 +66,16 @@ Normal normal_of(std::span<const float> values, std::span<const std::uint8_t> co
   return {mean, std::sqrt(std::max(squares - sum * mean, 0.0))};
 }
 
-double ncc(std::span<const float> fixed, std::span<const float> moving,
-           std::span<const std::uint8_t> counted) {
-  const Normal f = normal_of(fixed, counted), m = normal_of(moving, counted);
-  if (!(f.norm > 0) || !(m.norm > 0)) return 0;
-  double product = 0;
-  for (std::size_t i = 0; i < fixed.size(); ++i)
-    if (counted[i] != 0) product += (fixed[i] - f.mean) * (moving[i] - m.mean);
-  return product / (f.norm * m.norm);
-}
-
 /// A view's similarity. Where less of the scan is shown than elsewhere in the picture could be, chance makes
 /// pictures alike: below a quarter of the pixels that count, the value is reduced.
 double similarity_of(std::vector<float> depths, const ViewLevel& view) {
   const std::vector<float> means = spread(std::move(depths), view);
   const std::vector<std::uint8_t> shown = showing(means, view);
   const Edges edges = edges_of(means, view.camera.width, view.camera.height);
-  return 0.5 * (ncc(view.edges.across, edges.across, shown) + ncc(view.edges.down, edges.down, shown));
+  const auto ncc = [&](const std::vector<float>& fixed, const std::vector<float>& moving) {
+    return similarity::ncc({view.camera.width, view.camera.height, fixed, moving, shown});
+  };
+  return 0.5 * (ncc(view.edges.across, edges.across) + ncc(view.edges.down, edges.down));
 }
 
 /// Numbers 6 i + k of a picture's gradient.

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 #include "xraycast/registration/rigid_motion.hpp"
 #include "xraycast/registration/view_level.hpp"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/casting/pinhole_camera.hpp"
+#include "xraycast/projection/pinhole_camera.hpp"
 
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>

@@ -1,6 +1,7 @@
 #include "xraycast/registration/view_level.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/image.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -20,13 +21,7 @@ GreyRange range_of(const Xray& xray, const std::vector<std::uint8_t>& mask) {
   std::vector<float> greys;
   for (std::size_t i = 0; i < mask.size(); ++i)
     if (mask[i] != 0) greys.push_back(xray.pixels[i]);
-  const auto at = [&](double share) {
-    const auto nth =
-        greys.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(greys.size() - 1));
-    std::ranges::nth_element(greys, nth);
-    return *nth;
-  };
-  const float dark = at(0.002), light = at(0.998);
+  const float dark = quantile(greys, 0.002), light = quantile(greys, 0.998);
   return {dark, std::max(light, std::nextafter(dark, HUGE_VALF))};
 }
 
@@ -45,19 +40,6 @@ float depth_in(Tone tone, float share) {
   return -std::log(1 - share + kOffset);
 }
 
-/// Of an X-ray's camera, for means over blocks of pixels from a corner on.
-PinholeCamera coarse(PinholeCamera camera, const PictureBox& box, int factor, int width, int height) {
-  const double shift = (factor - 1) / 2.0;
-  camera.intrinsics[2][0] = (camera.intrinsics[2][0] - box.left - shift) / factor;
-  camera.intrinsics[2][1] = (camera.intrinsics[2][1] - box.top - shift) / factor;
-  camera.intrinsics[0][0] /= factor;
-  camera.intrinsics[1][0] /= factor;
-  camera.intrinsics[1][1] /= factor;
-  camera.width = width;
-  camera.height = height;
-  return camera;
-}
-
 }  // namespace
 
 ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, const PictureBox& box, int factor,
@@ -66,12 +48,12 @@ ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, cons
   if (width < 16 || height < 16)
     throw InputError("{}: less than 16 x 16 pixels of it show the scan", xray.name);
   const GreyRange range = range_of(xray, mask);
-  ViewLevel level{.camera = coarse(xray.camera.value(), box, factor, width, height),
+  ViewLevel level{.camera = of_means(xray.camera.value(), {box.left, box.top}, factor, {width, height}),
                   .share = (1 - 1 / (1.0 * factor * factor)) / 24,
                   .counted = {},
-                  .depths = {},
                   .edges = {}};
   std::vector<std::uint8_t> inside;
+  std::vector<float> depths;
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
       double sum = 0;
@@ -86,10 +68,10 @@ ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, cons
           ++count;
         }
       inside.push_back(count == factor * factor);
-      level.depths.push_back(depth_in(tone, count > 0 ? static_cast<float>(sum / count) : 0));
+      depths.push_back(depth_in(tone, count > 0 ? static_cast<float>(sum / count) : 0));
     }
   level.counted = within_filter(inside, width, height);
-  level.edges = edges_of(level.depths, width, height);
+  level.edges = edges_of(depths, width, height);
   return level;
 }
 

@@ -21,8 +21,7 @@ struct ViewLevel {
   /// are nearly means over the pixels, as the X-ray's are.
   double share = 0;
   std::vector<std::uint8_t> counted;  ///< pixels that are compared
-  std::vector<float> depths;          ///< in a tone; they grow with what attenuates
-  Edges edges;                        ///< of these
+  Edges edges;                        ///< of depths in a tone, which grow with what attenuates
 };
 
 /// Means over factor x factor pixels of the part of the picture's mask within the box. Throws InputError,

@@ -1,6 +1,7 @@
 #include "xraycast/registration/xray.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/image.hpp"
 
 #include <glm/vec2.hpp>
 
@@ -15,13 +16,6 @@ namespace {
 
 std::size_t pixel_count(const Xray& xray) {
   return static_cast<std::size_t>(xray.width) * static_cast<std::size_t>(xray.height);
-}
-
-/// The pixels' greys at a share of them, ascending.
-float quantile(std::vector<float> greys, double share) {
-  const auto at = greys.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(greys.size() - 1));
-  std::ranges::nth_element(greys, at);
-  return *at;
 }
 
 std::vector<std::size_t> border_of(const Xray& xray) {

@@ -2,7 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
-#include "xraycast/casting/view.hpp"
+#include "xraycast/projection/view.hpp"
 #include "xraycast/series/dicom_header.hpp"
 
 #include <glm/trigonometric.hpp>

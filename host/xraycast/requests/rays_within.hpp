@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/map_geometry.hpp"
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 
 #include <optional>
 #include <vector>

@@ -4,6 +4,7 @@
 #include "xraycast/mask/components.hpp"
 #include "xraycast/segmentation/body_mask.hpp"
 #include "xraycast/segmentation/threshold.hpp"
+#include "xraycast/volume/block_means.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -23,25 +24,8 @@ const glm::dvec3 kUsualAxis = glm::normalize(glm::dvec3(0.66, -0.5, -0.56));
 
 /// The mean of the voxels in cells of about 4 mm.
 Volume coarsened(const Volume& volume) {
-  const VolumeGeometry& fine = volume.geometry();
-  const Index3 stride = glm::max(Index3(glm::round(kLook_mm / fine.spacing_mm)), Index3(1));
-  VolumeGeometry cells{fine.size / stride, fine.spacing_mm * glm::dvec3(stride), {}};
-  cells.size = glm::max(cells.size, Index3(1));
-  const Index3 used = glm::min(stride, fine.size);
-  cells.origin_mm = fine.lower_mm() + 0.5 * cells.spacing_mm;
-  Volume coarse(cells);
-  parallel_for(cells.size.z, [&](std::int64_t z) {
-    for (std::int64_t y = 0; y < cells.size.y; ++y)
-      for (std::int64_t x = 0; x < cells.size.x; ++x) {
-        std::int64_t sum = 0;
-        for (std::int64_t k = 0; k < used.z; ++k)
-          for (std::int64_t j = 0; j < used.y; ++j)
-            for (std::int64_t i = 0; i < used.x; ++i)
-              sum += volume.at(x * stride.x + i, y * stride.y + j, z * stride.z + k);
-        coarse.at(x, y, z) = static_cast<std::int16_t>(sum / (used.x * used.y * used.z));
-      }
-  });
-  return coarse;
+  return block_means(volume,
+                     glm::max(Index3(glm::round(kLook_mm / volume.geometry().spacing_mm)), Index3(1)));
 }
 
 double percentile(std::vector<double> values, double share) {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
 #include "xraycast/catheter/hub.hpp"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <glm/vec3.hpp>
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
 #include "xraycast/catheter/hub.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <cstddef>
 #include <cstdint>

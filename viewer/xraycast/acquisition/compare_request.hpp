@@ -1,8 +1,8 @@
 #pragma once
 
 #include "xraycast/casting/body_map.hpp"
-#include "xraycast/casting/view.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
+#include "xraycast/projection/view.hpp"
 #include "xraycast/requests/comparison.hpp"
 #include "xraycast/sampling/column_samples.hpp"
 

@@ -1,7 +1,7 @@
 #include "xraycast/acquisition/frame_file.hpp"
 
 #include "xraycast/base/picture_file.hpp"
-#include "xraycast/casting/projection_file.hpp"
+#include "xraycast/projection/projection_file.hpp"
 
 #include <utility>
 #include <vector>

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "xraycast/acquisition/acquisition.hpp"
-#include "xraycast/casting/xa_file.hpp"
 #include "xraycast/drawing/cine_writer.hpp"
+#include "xraycast/projection/xa_file.hpp"
 
 #include <cstdint>
 #include <optional>

@@ -1,9 +1,9 @@
 #pragma once
 
 #include "xraycast/casting/body_map.hpp"
-#include "xraycast/casting/projector.hpp"
 #include "xraycast/drawing/fullscreen_pass.hpp"
 #include "xraycast/drawing/surface_layer.hpp"
+#include "xraycast/projection/projector.hpp"
 #include "xraycast/sampling/key_texels.hpp"
 #include "xraycast/sampling/map_texels.hpp"
 #include "xraycast/sampling/rectified_view.hpp"

@@ -1,11 +1,11 @@
 #pragma once
 
 #include "xraycast/casting/body_map.hpp"
-#include "xraycast/casting/projector.hpp"
 #include "xraycast/drawing/body_pass.hpp"
 #include "xraycast/drawing/fullscreen_pass.hpp"
 #include "xraycast/drawing/gl.hpp"
 #include "xraycast/drawing/surface_layer.hpp"
+#include "xraycast/projection/projector.hpp"
 #include "xraycast/scene/absorbing_surfaces.hpp"
 #include "xraycast/scene/scene.hpp"
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
 #include "xraycast/drawing/gl.hpp"
+#include "xraycast/projection/view.hpp"
 #include "xraycast/sampling/clip_space.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/thin_tube.hpp"

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
 #include "xraycast/fluoroscope/scintillator_blur.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <optional>
 #include <string>

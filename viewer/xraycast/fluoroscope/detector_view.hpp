@@ -1,8 +1,8 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
 #include "xraycast/fluoroscope/fluoroscopy_options.hpp"
 #include "xraycast/fluoroscope/measuring_field.hpp"
+#include "xraycast/projection/view.hpp"
 
 namespace xraycast {
 

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
 #include "xraycast/fluoroscope/fluoroscopy_options.hpp"
 #include "xraycast/fluoroscope/water_path.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <cstdint>
 #include <memory>

@@ -1,7 +1,7 @@
 #include "xraycast/reports/registration_overlay.hpp"
 
 #include "xraycast/base/image.hpp"
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 #include "xraycast/registration/edge_filter.hpp"
 
 #include <algorithm>
@@ -26,9 +26,7 @@ void stretch(Plate& plate, Tone tone) {
   const bool is_inverted = tone == Tone::inverted_intensity || tone == Tone::inverted_log_intensity,
              is_log = tone == Tone::log_intensity || tone == Tone::inverted_log_intensity;
   constexpr float kOffset = 0.03F;  // as X-rays are compared
-  std::vector<float> sorted = plate.greys;
-  std::ranges::sort(sorted);
-  const float low = sorted[sorted.size() / 100], high = sorted[sorted.size() - 1 - sorted.size() / 100];
+  const float low = quantile(plate.greys, 0.01), high = quantile(plate.greys, 0.99);
   for (float& grey : plate.greys) {
     grey = std::clamp((grey - low) / std::max(high - low, 1e-12F), 0.F, 1.F);
     if (is_inverted) grey = 1 - grey;
@@ -49,17 +47,6 @@ Plate plate_of(const Xray& xray, int factor, Tone tone) {
     }
   stretch(plate, tone);
   return plate;
-}
-
-PinholeCamera scaled(PinholeCamera camera, int factor, const Plate& plate) {
-  for (const int axis : {0, 1}) {
-    camera.intrinsics[2][axis] = (camera.intrinsics[2][axis] - (factor - 1) / 2.0) / factor;
-    camera.intrinsics[axis][axis] /= factor;
-  }
-  camera.intrinsics[1][0] /= factor;
-  camera.width = plate.width;
-  camera.height = plate.height;
-  return camera;
 }
 
 /// 0 to 1: the strongest twentieth of a projection's edges, the others less.
@@ -107,7 +94,8 @@ RgbPicture registration_overlay(std::span<const Xray> xrays, const Registration&
   for (std::size_t v = 0; v < xrays.size(); ++v) {
     const Registration::View& view = pose.views[v];
     const Plate xray = plate_of(xrays[v], factors[v], view.tone);
-    const std::vector<float> depths = project(scan, scaled(view.camera, factors[v], xray), opacity, progress);
+    const std::vector<float> depths = project(
+        scan, of_means(view.camera, {0, 0}, factors[v], {xray.width, xray.height}), opacity, progress);
     const std::vector<std::uint8_t> drr = windowed_transmission(depths);
     const std::vector<float> edges = edge_strength(depths, xray);
     for (int y = 0; y < xray.height; ++y)

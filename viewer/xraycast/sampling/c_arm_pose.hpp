@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/map_geometry.hpp"
-#include "xraycast/casting/view.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <optional>
 #include <string>

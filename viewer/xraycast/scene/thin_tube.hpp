@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
+#include "xraycast/projection/view.hpp"
 #include "xraycast/sampling/clip_space.hpp"
 #include "xraycast/scene/scene.hpp"
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <glm/vec2.hpp>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
+#include "xraycast/projection/view.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/serving/intervention.hpp"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 #include "xraycast/window/latest_worker.hpp"
 #include "xraycast/window/opened_files.hpp"
 

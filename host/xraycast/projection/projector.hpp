@@ -2,9 +2,9 @@
 
 #include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/base/progress.hpp"
-#include "xraycast/casting/pinhole_camera.hpp"
-#include "xraycast/casting/view.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
+#include "xraycast/projection/pinhole_camera.hpp"
+#include "xraycast/projection/view.hpp"
 #include "xraycast/volume/body_outline.hpp"
 
 #include <optional>

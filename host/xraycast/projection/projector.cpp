@@ -1,4 +1,4 @@
-#include "xraycast/casting/projector.hpp"
+#include "xraycast/projection/projector.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/opencl/device_opacity.hpp"

@@ -1,4 +1,4 @@
-#include "xraycast/casting/projection_file.hpp"
+#include "xraycast/projection/projection_file.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"

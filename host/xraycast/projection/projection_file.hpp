@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/casting/projector.hpp"
-#include "xraycast/casting/xa_file.hpp"
+#include "xraycast/projection/projector.hpp"
+#include "xraycast/projection/xa_file.hpp"
 
 #include <filesystem>
 

@@ -1,4 +1,4 @@
-#include "xraycast/casting/xa_file.hpp"
+#include "xraycast/projection/xa_file.hpp"
 
 #include "xraycast/base/dicom_file.hpp"
 #include "xraycast/base/error.hpp"

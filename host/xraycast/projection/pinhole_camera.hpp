@@ -1,8 +1,9 @@
 #pragma once
 
-#include "xraycast/casting/view.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <glm/mat3x3.hpp>
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
 #include <string>
@@ -29,6 +30,10 @@ struct PinholeCamera {
 
 /// The camera of a view, which must be complete and have a cone.
 PinholeCamera camera_of(const View& view);
+
+/// The camera of a picture of `size` whose pixels are means over `factor` x `factor` pixels, from pixel
+/// `first` on.
+PinholeCamera of_means(PinholeCamera camera, glm::ivec2 first, int factor, glm::ivec2 size);
 
 /// Throws InputError, with `name` in front, when a number is not finite, the intrinsics' last row is not
 /// (0, 0, 1), the focal length is 0, the rotation is invalid, or a picture's side is outside 1 to 16384.

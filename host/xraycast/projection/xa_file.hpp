@@ -2,7 +2,7 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/dicom_patient.hpp"
-#include "xraycast/casting/view.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <cstdint>
 #include <filesystem>

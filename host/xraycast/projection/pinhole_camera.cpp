@@ -1,4 +1,4 @@
-#include "xraycast/casting/pinhole_camera.hpp"
+#include "xraycast/projection/pinhole_camera.hpp"
 
 #include "xraycast/base/error.hpp"
 
@@ -50,6 +50,17 @@ PinholeCamera camera_of(const View& view) {
                                  glm::dvec3(0.5 * (view.width - 1), 0.5 * (view.height - 1), 1));
   camera.width = view.width;
   camera.height = view.height;
+  return camera;
+}
+
+PinholeCamera of_means(PinholeCamera camera, glm::ivec2 first, int factor, glm::ivec2 size) {
+  for (const int axis : {0, 1}) {
+    camera.intrinsics[2][axis] = (camera.intrinsics[2][axis] - first[axis] - (factor - 1) / 2.0) / factor;
+    camera.intrinsics[axis][axis] /= factor;
+  }
+  camera.intrinsics[1][0] /= factor;
+  camera.width = size.x;
+  camera.height = size.y;
   return camera;
 }
 
