@@ -18,7 +18,7 @@
 #endif
 
 /* Without AVX-512 a permutation of 16 numbers is made one by one, but one of eight is an instruction of AVX2.
- * There, 16 rows are picked for in two halves. */
+ * There, upright pictures pick slices in halves of eight rays. */
 #if defined(HAS_PERMUTE) && defined(__AVX2__) && !defined(__AVX512F__)
 #define HALVES
 #endif
@@ -242,47 +242,6 @@ static inline int16 pick_slices(SCAN even, SCAN odd, const int16 picks) {
   return __builtin_astype(__builtin_shufflevector(slices, __builtin_astype(picks, ushort32)), int16);
 }
 
-#ifdef HALVES
-
-/* Of three bricks above each other, with room for what is read and does not count. */
-#define WINDOW (3 * XRC_BRICK_SLICES)
-typedef struct {
-  short hu[WINDOW + 16];
-} Window;
-
-/* Of slices from any on, in a half each the one and the next. */
-static inline int8 slice_pairs(const short* slices) {
-  return (convert_int8(vload8(0, slices)) & 0xffff) | convert_int8(vload8(0, slices + 1)) << 16;
-}
-
-/* For 8 rays, which lie in order, the slice and the next; slices count from the window's first. */
-static inline int8 pick_pairs(const Window* window, const int8 slice, const int lowest, const int span) {
-  const short* from = window->hu + lowest;
-  const int8 picks = slice - lowest;
-  int8 pairs = __builtin_shufflevector(slice_pairs(from), picks);
-  for (int past = 8; past <= span; past += 8)
-    pairs = select(pairs, __builtin_shufflevector(slice_pairs(from + past), picks - past), picks >= past);
-  return pairs;
-}
-
-/* For 16 rays, of three columns of voxels. */
-static inline void pick_columns(const Window* windows, const int16 slice, int16* pairs) {
-  for (int part = 0; part < 2; ++part) {
-    const int8 of = part ? slice.hi : slice.lo;
-    const int lowest = clamp(min(of.s0, of.s7), 0, WINDOW - 8),
-              span = min(max(of.s0, of.s7) - lowest, WINDOW - lowest);
-    for (int c = 0; c < 3; ++c) {
-      const int8 picked = pick_pairs(&windows[c], of, lowest, span);
-      if (part)
-        pairs[c].hi = picked;
-      else
-        pairs[c].lo = picked;
-    }
-  }
-}
-
-#endif
-
 /* The cells of 16 rays in a core plane k, whose HU are 65536 times too large. Where rounding puts a ray a
  * hair outside, what it picks is wrong, but weighs no more than the hair. */
 static inline Cells cells_in_core(SCAN voxels, const Rays* rays, const int k, const float16 at) {
@@ -303,19 +262,6 @@ static inline Cells cells_in_core(SCAN voxels, const Rays* rays, const int k, co
   const int16 is_next = past_cell >= 1.0f;
 
   const long second = rays->column_step, third = cell < rays->last_u ? 2 * second : second;
-#ifdef HALVES
-  Window windows[3];
-  SCAN top = upper + (rays->is_wide && brick + 1 < rays->last_brick ? rays->brick_step : 0);
-  for (int c = 0; c < 3; ++c) {
-    const long column = c == 0 ? 0 : c == 1 ? second : third;
-    vstore16(vload16(0, lower + column), 0, windows[c].hu);
-    vstore16(vload16(0, upper + column), 1, windows[c].hu);
-    vstore16(vload16(0, top + column), 2, windows[c].hu);
-  }
-  int16 all_pairs[3];
-  pick_columns(windows, slice - brick * XRC_BRICK_SLICES, all_pairs);
-  const int16 pairs = all_pairs[0], pairs_2 = all_pairs[1], pairs_3 = all_pairs[2];
-#else
   const int16 picks = (slice | slice << 16) + 0x10000;
   SCAN even = brick & 1 ? upper : lower;
   SCAN odd = brick & 1 ? lower : upper;
@@ -330,7 +276,6 @@ static inline Cells cells_in_core(SCAN voxels, const Rays* rays, const int k, co
     pairs_2 = select(pairs_2, pick_slices(even + second, odd + second, shifted), is_beyond);
     pairs_3 = select(pairs_3, pick_slices(even + third, odd + third, shifted), is_beyond);
   }
-#endif
   const int16 here = select(pairs, pairs_2, is_next), beside = select(pairs_2, pairs_3, is_next);
   const int16 upper_half = (int)0xffff0000;
   Cells cells;
