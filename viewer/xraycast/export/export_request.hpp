@@ -2,14 +2,17 @@
 
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/export/recorded_run.hpp"
+#include "xraycast/motion/motion.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace xraycast {
@@ -29,14 +32,25 @@ struct LiveRun {
   bool has_hub = true;                       ///< the page moves the hubs; otherwise something else does
 };
 
+/// How the body of a map that moves does in a page. In a run that was recorded in a body that moves it
+/// follows the run's time instead, which knows no gate.
+struct PageMotion {
+  std::shared_ptr<const Motion> motion{};  ///< by which vessels move; null: they stay where they are
+  std::map<std::string, double> phase{};   ///< of modes that are held at first, and in a run, 0 to 1
+  double speed = 1;                        ///< at first, 0 to 100
+  /// At first: what is shown are the instants at which a mode has this phase, 0 to 1.
+  std::optional<std::pair<std::string, double>> gate{};
+};
+
 /// A session to be shown elsewhere.
 struct ExportRequest {
   ExportFormat format = ExportFormat::page;
   std::string title = "Fluoroscopy";  ///< not a file's name, which may be the patient's
   std::shared_ptr<const BodyMap> map{};
   MapPrecision precision = MapPrecision::byte;  ///< of the page's copy of the map: byte or float16
-  std::optional<Surface> vessels{};
-  std::vector<Surface> catheters{};  ///< that do not move
+  PageMotion motion{};                          ///< of a map that moves
+  std::optional<Surface> vessels{};             ///< in the scan
+  std::vector<Surface> catheters{};             ///< that do not move
   std::optional<RecordedRun> run{};
   std::optional<LiveRun> live{};
   CArmPose pose{};
@@ -56,6 +70,14 @@ struct ExportRequest {
 inline constexpr std::int64_t kMostWebTexels = 16'777'216;
 inline constexpr int kMostWebAngles = 2047, kMostWebRows = 8192, kMostWebLayers = 128;
 inline constexpr std::size_t kMostWebTriangles = 2'000'000;
+/// Of all key maps of a body that moves, which become twice as many bytes on the GPU; and of its modes.
+inline constexpr std::size_t kMostWebKeyTexels = 67'108'864, kMostWebModes = 2;
+
+/// Whether the page shows a body that moves: its map does, and so did it in a run, if there is one.
+bool moves(const ExportRequest& request);
+
+/// Of the modes of a map that moves, in order, as a page without a run opens.
+std::vector<double> first_phases(const ExportRequest& request);
 
 /// Whether a page can show a map at all: a cylinder about a straight axis under one outline, with optical
 /// depths.
