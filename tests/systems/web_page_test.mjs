@@ -555,11 +555,11 @@ browser_test("breath and heart go on, are held, stopped, gated and paused, by bu
   const third = await paused();
   assert.ok(third[0] === second[0] && third[1] !== second[1], `${second} to ${third}`);
   await page.keyboard.press("b");
-  await page.evaluate(() => [...document.querySelectorAll("#holds button")].find((button) => button.textContent === "Stop heart").click());
+  await page.evaluate(() => [...document.querySelectorAll("#holds button")].find((button) => button.textContent === "Arrest heart").click());
   await goes_on(300);
   const fourth = await paused();
   assert.ok(fourth[0] !== third[0] && fourth[1] === third[1], `${third} to ${fourth}`);
-  await page.keyboard.press("a");
+  await page.keyboard.press("k");
   await page.keyboard.press("g");
   assert.deepEqual(await page.evaluate(() => [document.getElementById("gate-mode").selectedOptions[0].textContent, document.getElementById("gate-phase").value]), ["heart", "0.75"]);
   await goes_on(2500);

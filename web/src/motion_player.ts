@@ -9,7 +9,7 @@ import type { State, Store } from "./state";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
-const kHolds: Record<string, string> = { breath: "Hold breath", heart: "Stop heart" };
+const kHolds: Record<string, string> = { breath: "Hold breath", heart: "Arrest heart" };
 
 /** Exposures wait for a phase of a mode. */
 export interface Gate {
