@@ -58,7 +58,7 @@ class HeldInstruments {
       for (std::size_t d = 0; d < count(); ++d)
         poses[d] = {starts[d].insertion_mm + share * moves.push_mm[d],
                     starts[d].rotation_rad + share * moves.turn_rad[d]};
-      instruments_.step(poses, phases_at(request_, instruments_.time_s() + instruments_.step_s()));
+      instruments_.step(poses, phases_at(request_.body, instruments_.time_s() + instruments_.step_s()));
       constexpr std::chrono::milliseconds kLookInterval{50};
       if (std::chrono::steady_clock::now() - looked < kLookInterval) continue;
       const nb::gil_scoped_acquire held;

@@ -123,6 +123,8 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
     throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
                      request.vessels_name, triangles, kMostWebTriangles);
   request.live = LiveRun{.instruments = run.instruments, .contrast = contrast.whole(), .has_hub = has_hub};
+  if (run.body.motion)
+    for (const MotionMode& mode : run.body.motion->modes()) request.live->modes.push_back(mode.name);
   request.pose = pose;
   request.is_of_session = true;
   request.shows_vessels = false;

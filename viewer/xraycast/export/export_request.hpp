@@ -27,6 +27,7 @@ struct LiveRun {
   std::vector<InstrumentModel> instruments;  ///< from the outermost on
   Surface contrast;                          ///< all drums of a ContrastSurface
   bool has_hub = true;                       ///< the page moves the hubs; otherwise something else does
+  std::vector<std::string> modes{};          ///< of the body's motion, in order; none where it is still
 };
 
 /// A session to be shown elsewhere.

@@ -176,7 +176,8 @@ PageJson add_live(const ExportRequest& session, Parts& parts) {
   contrast["drum_triangles"] = ContrastSurface::kDrumTriangles;
   return {{"instruments", std::move(instruments)},
           {"contrast", std::move(contrast)},
-          {"has_hub", session.live->has_hub}};
+          {"has_hub", session.live->has_hub},
+          {"modes", session.live->modes}};
 }
 
 PageJson window_to_json(const GreyWindow& window) {
