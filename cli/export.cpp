@@ -8,6 +8,7 @@
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/still_picture.hpp"
+#include "xraycast/scene/map_motion.hpp"
 #include "xraycast/scene/session_map.hpp"
 
 #include <fmt/format.h>
@@ -21,8 +22,6 @@ struct ExportArguments {
   std::string map, output, session, title, precision = "byte";
   RunOptions run{.instrument_models = {"cobra-5f"}};
   SceneOptions scene;
-  std::string gate;
-  double motion_speed = 1;
   std::vector<std::string> keys;
   const CLI::App* command = nullptr;
 };
@@ -37,39 +36,25 @@ void check_applies(const ExportArguments& options, ExportFormat format) {
                     "without a run; leave it out or give --script too");
 }
 
-/// By which vessels and a run's body move: the file that is given, else the one by which the map was cast,
-/// where that is there.
-std::shared_ptr<const Motion> motion_of(const ExportArguments& options, const BodyMap& map,
-                                        const Invocation& invocation) {
-  const std::filesystem::path file =
-      options.run.motion.empty() && map.keys ? map.keys->motion : std::filesystem::path(options.run.motion);
-  if (file.empty() || (options.run.motion.empty() && !std::filesystem::exists(file))) return nullptr;
-  auto motion = std::make_shared<const Motion>(read_motion(file));
-  invocation.say(motion->warnings());
-  return motion;
-}
-
-PageMotion page_motion(const ExportArguments& options, const BodyMap& map, const Invocation& invocation) {
-  PageMotion motion{.motion = motion_of(options, map, invocation),
-                    .phase = parse_phases(options.run.phases),
-                    .speed = options.motion_speed};
-  if (!options.gate.empty()) motion.gate = parse_phase(options.gate);
-  return motion;
+/// How the body moves: by the motion that is given, else the one that the map names.
+BodyRequest page_body(const ExportArguments& options, const BodyMap& map) {
+  BodyRequest body = body_request_of(options.run.body);
+  std::vector<std::string> notes;  // on the vessels; check() tells of those too
+  if (!body.motion) body.motion = motion_of(map, {}, notes);
+  return body;
 }
 
 /// The run in the body of the request. Of one that moves the motion must be there.
 RunRequest run_request(const ExportArguments& options, const ExportRequest& request,
                        const ViewSession& scene) {
   RunOptions given = options.run;
-  given.motion.clear();
-  given.phases.clear();
+  given.body = {};
   RunRequest run = parse_run(given, scene.vessels);
   if (!request.map->keys) return run;
-  if (!request.motion.motion)
+  if (!request.body.motion)
     throw InputError("{}: moves, but {}, by which it was cast, is not there; give it by --motion",
                      request.map_name, request.map->keys->motion.string());
-  run.motion = request.motion.motion;
-  run.phase = request.motion.phase;
+  run.body = request.body;
   return run;
 }
 
@@ -90,7 +75,8 @@ void export_session(const ExportArguments& options, Invocation& invocation) {
   if (!options.keys.empty())
     map = std::make_shared<const BodyMap>(with_fewer_keys(*map, parse_keys(options.keys)));
   ExportRequest request = exported_session(scene, std::move(map));
-  request.motion = page_motion(options, *request.map, invocation);
+  request.body = page_body(options, *request.map);
+  if (request.body.motion) invocation.say(request.body.motion->warnings());
   request.format = format;
   if (!options.title.empty()) request.title = options.title;
   request.precision = parse_map_precision(options.precision);
@@ -139,27 +125,11 @@ void add_export(CLI::App& app, Invocation& invocation) {
   add_scene_options(*command, options->scene);
   add_script_option(*command, options->run, "A run to simulate again in --vessels (see `xraycast simulate`)");
   add_coaxial_options(*command, options->run);
-  command
-      ->add_option(
-          "--motion", options->run.motion,
-          "Of a map that moves: the motion.json by which it was cast, by which vessels and a run's body "
-          "move (default: the one that the map names)")
-      ->type_name("FILE");
-  command
-      ->add_option("--phase", options->run.phases,
-                   "Of a map that moves: a mode that is held at first, and in a run, and its phase, 0 to 1. "
-                   "Repeat it for several modes")
-      ->allow_extra_args(false)
-      ->type_name("NAME=0..1");
-  command
-      ->add_option("--gate", options->gate,
-                   "Of a map that moves: at first show the instants alone at which a mode has this phase")
-      ->type_name("NAME=0..1");
-  command
-      ->add_option("--motion-speed", options->motion_speed,
-                   "Of a map that moves: how fast the body does at first, 0 to 100")
-      ->capture_default_str()
-      ->type_name("FACTOR");
+  add_body_options(
+      *command, options->run.body,
+      "Of a map that moves: the motion.json by which it was cast, by which vessels and a run's body "
+      "move (default: the one that the map names)",
+      false);
   command
       ->add_option(
           "--keys", options->keys,

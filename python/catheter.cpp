@@ -74,7 +74,7 @@ class HeldInstruments {
   /// without such a mode.
   void hold(const std::string& mode, bool is_held) {
     const auto lock = locked();
-    if (!request_.motion) throw InputError("mode {}: the body is still; give a motion", excerpt(mode));
+    if (!request_.body.motion) throw InputError("mode {}: the body is still; give a motion", excerpt(mode));
     BodyClock clock = clock_ ? *clock_ : clock_now();
     is_held ? clock.hold(mode) : clock.release(mode);
     clock_ = std::move(clock);
@@ -154,14 +154,15 @@ class HeldInstruments {
 
   /// Of the body's modes, after the next step.
   std::vector<double> next_phases() {
-    if (!clock_) return phases_at(request_, instruments_.time_s() + instruments_.step_s());
+    if (!clock_) return phases_at(request_.body, instruments_.time_s() + instruments_.step_s());
     clock_->advance(instruments_.step_s());
     return clock_->phases();
   }
 
   BodyClock clock_now() const {
-    BodyClock clock(*request_.motion, instruments_.time_s());
-    for (const auto& [mode, phase] : request_.phase) clock.hold(mode, phase);
+    BodyClock clock(*request_.body.motion, request_.body.speed * instruments_.time_s());
+    clock.set_speed(request_.body.speed);
+    for (const auto& [mode, phase] : request_.body.phase) clock.hold(mode, phase);
     return clock;
   }
 

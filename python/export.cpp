@@ -32,18 +32,17 @@ HeldBody with_keys(const HeldBody& body, const nb::object& keys) {
 
 /// How a map that moves does. A run tells which motion and modes it had; without one the vessels move by the
 /// motion that is given, or that the map names.
-PageMotion page_motion(const HeldBody& body, const HeldRun* run, bool has_vessels, const nb::object& motion,
-                       const nb::object& phase, const nb::object& gate, double speed) {
-  MotionOfRun given = motion_of_run(motion, phase);
-  PageMotion page{.motion = given.motion, .phase = given.phase, .speed = speed};
-  const auto gates = motion_of_run(nb::none(), gate).phase;
+BodyRequest page_body(const HeldBody& body, const HeldRun* run, bool has_vessels, const nb::object& motion,
+                      const nb::object& phase, const nb::object& gate, double speed) {
+  BodyRequest page = body_request_of(motion, phase);
+  page.speed = speed;
+  const auto gates = body_request_of(nb::none(), gate).phase;
   if (gates.size() > 1) throw InputError("gate: must be a dict of one mode and its phase");
-  if (!gates.empty()) page.gate = *gates.begin();
-  if (run != nullptr && run->request.motion) {
+  if (!gates.empty()) page.gate = PhaseGate{gates.begin()->first, gates.begin()->second};
+  if (run != nullptr && run->request.body.motion) {
     if (page.motion || !page.phase.empty() || page.gate || speed != 1)
       throw InputError("run: has a motion of its own; leave out motion, phase, gate and motion_speed");
-    page.motion = run->request.motion;
-    page.phase = run->request.phase;
+    return run->request.body;
   }
   if (!page.motion && has_vessels && body.map->keys && std::filesystem::exists(body.map->keys->motion))
     page.motion = std::make_shared<const Motion>(read_motion(body.map->keys->motion));
@@ -78,7 +77,7 @@ void export_session(const HeldBody& body, nb::handle path, const nb::object& ves
     request.vessels = scene_of({vessels, nb::none(), contrast_mg_ml}).vessels;
     request.vessels_name = "vessels";
   }
-  request.motion = page_motion(body, run, request.vessels.has_value(), motion, phase, gate, motion_speed);
+  request.body = page_body(body, run, request.vessels.has_value(), motion, phase, gate, motion_speed);
   if (run != nullptr) {
     check_recordable(*run->request.script);
     request.run = run->recorded;

@@ -40,6 +40,7 @@ const { message_of } = await module_of("live_message.ts");
 const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
 const { LastLoads } = await module_of("live.ts");
+const { LastTraces } = await module_of("live_body.ts");
 
 const kRun = { pictures: 151, step_s: 1 / 15, instruments: [] };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
@@ -223,9 +224,9 @@ test("an instrument of several pixels' width is drawn as it is", () => {
 });
 
 /** As viewer/xraycast/serving/browser_message.cpp writes it. */
-function live_bytes() {
-  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 1 + 1 + 6) + 4 * 3));
-  [1, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
+function live_bytes(has_body = true) {
+  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 1 + 1 + 6) + 4 * 3 + 4 * (has_body ? 1 + 2 + 2 * 6 + 2 + 3 : 1)));
+  [2, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
   let at = 4;
   const whole = (x) => view.setUint32((at += 4) - 4, x, true), real = (x) => view.setFloat32((at += 4) - 4, x, true);
   whole(9);
@@ -234,6 +235,17 @@ function live_bytes() {
   [1, 2, 3, 4, 5, 6].forEach(real);
   [1, 7].forEach(whole);
   real(350);
+  whole(has_body ? 2 : 0);
+  if (!has_body) return view.buffer;
+  [20, 2].forEach(real);
+  for (const [marks, phase, gate, values] of [[1, 0.25, 0, [0.5, 0.75]], [2, 0.5, 0.75, [0.125, 1]]]) {
+    whole(marks);
+    [phase, gate].forEach(real);
+    whole(2);
+    values.forEach(real);
+  }
+  whole(1);
+  [19.5, 1, 2, 3].forEach(real);
   return view.buffer;
 }
 
@@ -241,15 +253,40 @@ test("a live message is read as it is written", () => {
   assert.deepEqual(message_of(live_bytes()), {
     exposes: true, injects: false, is_valve_locked: true, has_outlet: false, held_hub: 0, exposures: 9, time_s: 1.5, fluoroscopy_s: 2, injected_ml: 3,
     instruments: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
-    filled: [{ drum: 7, mg_ml: 350 }],
+    filled: [{ drum: 7, mg_ml: 350, moved_mm: [1, 2, 3] }],
+    body: {
+      time_s: 20, speed: 2, exposures_s: [19.5],
+      modes: [{ is_held: true, gate: null, phase: 0.25, trace: [0.5, 0.75] }, { is_held: false, gate: 0.75, phase: 0.5, trace: [0.125, 1] }],
+    },
   });
+  const still = message_of(live_bytes(false));
+  assert.deepEqual([still.body, still.filled], [null, [{ drum: 7, mg_ml: 350 }]]);
   for (let size = 0; size < live_bytes().byteLength; ++size) assert.throws(() => message_of(live_bytes().slice(0, size)), `${size}`);
   const huge = live_bytes();
   new DataView(huge).setUint32(36, 0xffffffff, true); // parts
   assert.throws(() => message_of(huge), /too short/);
   const other = live_bytes();
-  new DataView(other).setUint8(0, 2);
+  new DataView(other).setUint8(0, 1);
   assert.throws(() => message_of(other), /another version/);
+});
+
+test("traces are of the last six seconds, and of nothing that is missing", () => {
+  const traces = new LastTraces(["breath", "heart"]), values = (k) => Array.from({ length: 10 }, (_, i) => (10 * k + i) / 10000);
+  const told = (k, more = {}) => ({ time_s: 0.05 * (k + 1), speed: 1, exposures_s: [0.05 * k], modes: [{ is_held: k > 100, gate: null, phase: 0, trace: values(k) }, { is_held: false, gate: null, phase: 0, trace: values(k) }], ...more });
+  for (let k = 0; k < 200; ++k) traces.add(told(k));
+  const { modes, exposures_s, length_s } = traces.shown;
+  assert.deepEqual([modes[0].name, modes[0].is_held, modes[0].values.length, modes[0].values[1199], length_s], ["breath", true, 1200, 0.1999, 6]);
+  assert.ok(exposures_s.length > 115 && exposures_s.every((age_s) => age_s >= 0 && age_s <= 6.001));
+  traces.add(told(300)); // what came between was lost
+  assert.equal(traces.shown.modes[1].values.length, 10);
+});
+
+test("contrast agent moves with the body", () => {
+  const mesh = { points_mm: Float32Array.from({ length: 12 }, (_, i) => i), triangles: new Uint32Array([0, 1, 0, 2, 3, 2]) };
+  const whole = { mesh, drum_points: 2, drum_triangles: 1, mu_per_mm: 1, colour: [1, 1, 1] };
+  const at = (moved_mm) => [...filled(whole, [{ drum: 1, mg_ml: 5, ...(moved_mm && { moved_mm }) }]).mesh.points_mm];
+  assert.deepEqual(at(), [6, 7, 8, 9, 10, 11]);
+  assert.deepEqual(at([1, 2, -3]), [7, 9, 5, 10, 12, 8]);
 });
 
 test("opposite holds cancel", () => {

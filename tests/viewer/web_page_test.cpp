@@ -313,8 +313,8 @@ TEST(WebPage, OfABodyThatMovesHasItsModesAndKeyMaps) {
   ExportRequest session;
   session.map = std::make_shared<BodyMap>(moving_map());
   session.vessels = Surface{tube()};
-  session.motion = {
-      .motion = motion(), .phase = {{"breath", 0.25}}, .speed = 2, .gate = std::pair("heart", 0.75)};
+  session.body = {
+      .motion = motion(), .phase = {{"breath", 0.25}}, .speed = 2, .gate = PhaseGate{"heart", 0.75}};
   EXPECT_THAT(check(session), ::testing::IsEmpty());
   const auto header_of = [](const ExportRequest& one) {
     return nlohmann::json::parse(element_of(web_page(one), "session"));
@@ -348,17 +348,19 @@ TEST(WebPage, RefusesAMotionThatItCannotShow) {
   using ::testing::ThrowsMessage;
   EXPECT_THAT(refused([](auto& one) { one.precision = MapPrecision::float16; }),
               ThrowsMessage<InputError>(HasSubstr("leave out `precision`")));
-  EXPECT_THAT(refused([](auto& one) { one.motion.gate = std::pair("hart", 0.5); }),
+  EXPECT_THAT(refused([](auto& one) {
+                one.body.gate = PhaseGate{"hart", 0.5};
+              }),
               ThrowsMessage<InputError>(HasSubstr("`gate` hart=0.5")));
   EXPECT_THAT(refused([](auto& one) {
-                one.motion.phase = {{"heart", 2}};
+                one.body.phase = {{"heart", 2}};
               }),
               ThrowsMessage<InputError>(HasSubstr("`phase`")));
-  EXPECT_THAT(refused([](auto& one) { one.motion.speed = -1; }),
+  EXPECT_THAT(refused([](auto& one) { one.body.speed = -1; }),
               ThrowsMessage<InputError>(HasSubstr("`motion_speed` -1")));
   EXPECT_THAT(refused([](auto& one) {
                 one.map = std::make_shared<BodyMap>(noisy_map());
-                one.motion.speed = 2;
+                one.body.speed = 2;
               }),
               ThrowsMessage<InputError>(HasSubstr("stands still")));
 }

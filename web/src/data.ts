@@ -73,6 +73,7 @@ interface LiveHeader {
   instruments: InstrumentHeader[];
   contrast: MeshHeader & Matter & Drums;
   has_hub: boolean; // the page moves the hubs
+  modes?: string[]; // of the body in motion, in order
 }
 
 /** Of contrast agent: a mesh has so many points and triangles for each, one drum behind the other. */

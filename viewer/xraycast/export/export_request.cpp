@@ -61,8 +61,8 @@ void check_keys(const ExportRequest& request) {
 }
 
 void check_motion(const ExportRequest& request) {
-  const PageMotion& motion = request.motion;
-  const bool is_given = motion.motion || !motion.phase.empty() || motion.speed != 1 || motion.gate;
+  const BodyRequest& body = request.body;
+  const bool is_given = body.motion || !body.phase.empty() || body.speed != 1 || body.gate;
   if (!request.map->keys) {
     if (is_given)
       throw InputError(
@@ -70,14 +70,14 @@ void check_motion(const ExportRequest& request) {
           request.map_name);
     return;
   }
-  if (motion.motion) check_same_modes(*request.map, *motion.motion);
+  if (body.motion) check_same_modes(*request.map, *body.motion);
   const Motion& rhythm = request.map->keys->phases().rhythm();
-  rhythm.phases_of(motion.phase);
+  rhythm.phases_of(body.phase);
   constexpr double kFastest = 100;
-  if (!(motion.speed >= 0 && motion.speed <= kFastest))
-    throw InputError("`motion_speed` {:g}: must be 0 to {:g}", motion.speed, kFastest);
-  if (!motion.gate) return;
-  const auto& [mode, phase] = *motion.gate;
+  if (!(body.speed >= 0 && body.speed <= kFastest))
+    throw InputError("`motion_speed` {:g}: must be 0 to {:g}", body.speed, kFastest);
+  if (!body.gate) return;
+  const auto& [mode, phase] = *body.gate;
   if (std::ranges::find(rhythm.modes(), mode, &MotionMode::name) == rhythm.modes().end() ||
       !(phase >= 0 && phase <= 1))
     throw InputError("`gate` {}={:g}: must be a mode of {} and its phase, 0 to 1", excerpt(mode), phase,
@@ -139,7 +139,7 @@ std::vector<std::string> check(const ExportRequest& request) {
   if (request.map->keys && !moves(request))
     notes.emplace_back(
         "the run's instruments moved in a body that stood still, which the page shows at phase 0");
-  else if (request.map->keys && request.vessels && !request.motion.motion)
+  else if (request.map->keys && request.vessels && !request.body.motion)
     notes.emplace_back(
         "the vessels stay where they are at phase 0 of the map's motion; give `motion`, by which it was "
         "cast, "
@@ -159,8 +159,8 @@ std::vector<double> first_phases(const ExportRequest& request) {
   const Motion& rhythm = request.map->keys->phases().rhythm();
   std::vector<double> phases = rhythm.phases_at(0);
   for (std::size_t m = 0; m < phases.size(); ++m) {
-    const auto held = request.motion.phase.find(rhythm.modes()[m].name);
-    if (held != request.motion.phase.end()) phases[m] = held->second;
+    const auto held = request.body.phase.find(rhythm.modes()[m].name);
+    if (held != request.body.phase.end()) phases[m] = held->second;
   }
   return phases;
 }
@@ -191,6 +191,8 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
     throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
                      request.vessels_name, triangles, kMostWebTriangles);
   request.live = LiveRun{.instruments = run.instruments, .contrast = contrast.whole(), .has_hub = has_hub};
+  if (run.body.motion)
+    for (const MotionMode& mode : run.body.motion->modes()) request.live->modes.push_back(mode.name);
   request.pose = pose;
   request.is_of_session = true;
   request.shows_vessels = false;

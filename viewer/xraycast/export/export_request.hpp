@@ -2,17 +2,15 @@
 
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/export/recorded_run.hpp"
-#include "xraycast/motion/motion.hpp"
+#include "xraycast/motion/body_request.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
 
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace xraycast {
@@ -30,16 +28,7 @@ struct LiveRun {
   std::vector<InstrumentModel> instruments;  ///< from the outermost on
   Surface contrast;                          ///< all drums of a ContrastSurface
   bool has_hub = true;                       ///< the page moves the hubs; otherwise something else does
-};
-
-/// How the body of a map that moves does in a page. In a run that was recorded in a body that moves it
-/// follows the run's time instead, which knows no gate.
-struct PageMotion {
-  std::shared_ptr<const Motion> motion{};  ///< by which vessels move; null: they stay where they are
-  std::map<std::string, double> phase{};   ///< of modes that are held at first, and in a run, 0 to 1
-  double speed = 1;                        ///< at first, 0 to 100
-  /// At first: what is shown are the instants at which a mode has this phase, 0 to 1.
-  std::optional<std::pair<std::string, double>> gate{};
+  std::vector<std::string> modes{};          ///< of the body's motion, in order; none where it is still
 };
 
 /// A session to be shown elsewhere.
@@ -48,9 +37,11 @@ struct ExportRequest {
   std::string title = "Fluoroscopy";  ///< not a file's name, which may be the patient's
   std::shared_ptr<const BodyMap> map{};
   MapPrecision precision = MapPrecision::byte;  ///< of the page's copy of the map: byte or float16
-  PageMotion motion{};                          ///< of a map that moves
-  std::optional<Surface> vessels{};             ///< in the scan
-  std::vector<Surface> catheters{};             ///< that do not move
+  /// How the body of a map that moves does at first. Without a motion vessels stay where they are. In a run
+  /// that was recorded in a body that moves it follows the run's time instead, which knows no gate.
+  BodyRequest body{};
+  std::optional<Surface> vessels{};  ///< in the scan
+  std::vector<Surface> catheters{};  ///< that do not move
   std::optional<RecordedRun> run{};
   std::optional<LiveRun> live{};
   CArmPose pose{};

@@ -128,10 +128,9 @@ PageJson mode_json(const MotionMode& mode, const std::vector<double>& phases) {
 
 /// How vessels move.
 PageJson add_lattice(const ExportRequest& session, Parts& parts) {
-  if (!session.vessels || !session.motion.motion) return {};
+  if (!session.vessels || !session.body.motion) return {};
   Progress progress;
-  const PackedLattice lattice =
-      pack_lattice(session.vessels->mesh.points_mm, *session.motion.motion, progress);
+  const PackedLattice lattice = pack_lattice(session.vessels->mesh.points_mm, *session.body.motion, progress);
   parts.add("lattice_nodes", lattice.numbers);
   parts.add("lattice_ways", lattice.ways);
   PageJson origin_mm = PageJson::array();
@@ -151,15 +150,15 @@ PageJson add_motion(const ExportRequest& session, const std::optional<PackedKeys
   for (const auto& [base, first, count] : keys->rows) rows.push_back({base, first, count});
   const KeyTexels texels(maps, 0, drawn_geometry(*session.map), {}, {});  // as the page has to make them
   for (const LayerByteRange& range : texels.byte_ranges()) ranges.push_back({range.offset, range.scale});
-  const PageMotion& motion = session.motion;
-  return {{"modes", modes},
-          {"rows", rows},
-          {"drawn_ranges", ranges},
-          {"lattice", add_lattice(session, parts)},
-          {"held", PageJson(motion.phase)},
-          {"speed", motion.speed},
-          {"gate", motion.gate ? PageJson{{"mode", motion.gate->first}, {"phase", motion.gate->second}}
-                               : PageJson()}};
+  const BodyRequest& body = session.body;
+  return {
+      {"modes", modes},
+      {"rows", rows},
+      {"drawn_ranges", ranges},
+      {"lattice", add_lattice(session, parts)},
+      {"held", PageJson(body.phase)},
+      {"speed", body.speed},
+      {"gate", body.gate ? PageJson{{"mode", body.gate->mode}, {"phase", body.gate->phase}} : PageJson()}};
 }
 
 PageJson add_surface(const Surface& surface, const std::string& name, Parts& parts) {
@@ -225,7 +224,8 @@ PageJson add_live(const ExportRequest& session, Parts& parts) {
   contrast["drum_triangles"] = ContrastSurface::kDrumTriangles;
   return {{"instruments", std::move(instruments)},
           {"contrast", std::move(contrast)},
-          {"has_hub", session.live->has_hub}};
+          {"has_hub", session.live->has_hub},
+          {"modes", session.live->modes}};
 }
 
 PageJson window_to_json(const GreyWindow& window) {
