@@ -35,6 +35,9 @@ void check_applies(const ExportArguments& options, ExportFormat format) {
   if (options.run.script.empty())
     check_not_given(*options.command, {"--device-model", "--entry"},
                     "without a run; leave it out or give --script too");
+  else
+    check_not_given(*options.command, {"--gate", "--motion-speed"},
+                    "to a run, whose time is the body's; leave it out");
 }
 
 /// By which vessels and a run's body move: the file that is given, else the one by which the map was cast,
