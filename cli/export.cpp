@@ -35,8 +35,7 @@ void check_applies(const ExportArguments& options, ExportFormat format) {
     check_not_given(*options.command, {"--device-model", "--entry"},
                     "without a run; leave it out or give --script too");
   else
-    check_not_given(*options.command, {"--gate", "--motion-speed"},
-                    "to a run, whose time is the body's; leave it out");
+    check_not_given(*options.command, {"--gate"}, "to a run, whose time is the body's; leave it out");
 }
 
 /// How the body moves: by the motion that is given, else the one that the map names.
