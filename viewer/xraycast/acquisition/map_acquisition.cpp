@@ -67,8 +67,8 @@ void MapAcquisition::set_phases(std::span<const double> phases) {
   renderer_.set_phases(phases);
   phases_.assign(phases.begin(), phases.end());
   if (!moving_) return;
-  scene_.vessels = moving_->at(phases);
-  show_vessels(true);
+  scene_.vessels->mesh.points_mm = moving_->at(phases).mesh.points_mm;
+  renderer_.move_surface(0, scene_.vessels->mesh.points_mm);  // the first of those that are shown
 }
 
 void MapAcquisition::show_vessels(bool shows) {
