@@ -10,6 +10,7 @@
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/casting/key_maps.hpp"
+#include "xraycast/centrelines/tree_of_lines.hpp"
 #include "xraycast/fluoroscope/c_arm.hpp"
 #include "xraycast/geometry/curved_axis.hpp"
 #include "xraycast/geometry/mesh.hpp"
@@ -249,6 +250,38 @@ void write_binary_vtk_surface(const fs::path& path) {
       mesh.points_mm.size(), mesh.points_mm.size());
   for (std::size_t i = 0; i < mesh.points_mm.size(); ++i) bytes += big_endian(0.5);
   write_bytes(path, bytes + "\n");
+}
+
+void write_swc(const fs::path& path) {
+  write_bytes(path,
+              "# a tree\n1 2 0 0 0 3 -1\n2 2 0 0 10 2.5 1\n3 2 0 0 20 2 2\n4 2 5 0 30 1 3\n5 2 9 0 40 1 4\n"
+              "6 2 -5 0 30 1 3\n");
+}
+
+void write_centreline_csv(const fs::path& path) {
+  write_bytes(path,
+              "branch,x_mm,y_mm,z_mm,radius\na,0,0,0,3\na,0,0,10,2\na,5,0,20,2\nb,0,0,0,3\nb,0,0,10,2\n"
+              "\"b\",-5,0,20,2\n");
+}
+
+void write_markups(const fs::path& path) {
+  write_bytes(path, R"({"@schema": "v1.0.3", "markups": [
+{"type": "Curve", "name": "a", "coordinateSystem": "RAS", "coordinateUnits": "mm",
+ "controlPoints": [{"position": [0, 0, 0]}, {"position": [0, 0, 9], "positionStatus": "defined"}, {"position": [1, 0, 20]}],
+ "measurements": [{"name": "length"}, {"name": "radius", "controlPointValues": [3, 2, 1.5]}]},
+{"type": "ClosedCurve", "coordinateUnits": ["mm", "UCUM", "millimeter"],
+ "controlPoints": [{"position": [0, 0, 9]}, {"position": [9, 0, 9]}, {"position": [9, 9, 9]}],
+ "measurements": [{"name": "radius", "controlPointValues": [2, 2, 1]}]}]})");
+}
+
+/// In tracts, as VMTK leaves them.
+void write_centreline_vtk(const fs::path& path) {
+  write_bytes(
+      path,
+      "# vtk DataFile Version 3.0\nSPACE=LPS\nASCII\nDATASET POLYDATA\nPOINTS 6 float\n0 0 0 0 0 10 0 0 10\n"
+      "0 0 20 0 0 10 8 0 20\nLINES 4 12\n2 0 1\n2 2 3\n2 0 1\n2 4 5\nCELL_DATA 4\nFIELD f 2\n"
+      "CenterlineIds 1 4 int\n0 0 1 1\nTractIds 1 4 int\n0 1 0 1\nPOINT_DATA 6\n"
+      "SCALARS MaximumInscribedSphereRadius float\nLOOKUP_TABLE default\n3 2 2 1 2 1\n");
 }
 
 MapGeometry map_geometry() { return cylinder_map(volume().geometry(), 16, {0, 10}, {-4, -5}); }
@@ -527,6 +560,12 @@ Content read_as_field(const fs::path& path) {
   return {};
 }
 
+/// Makes a tree of them too.
+Content read_as_tree_of_lines(const fs::path& path) {
+  tree_of_lines(read_centreline_lines(path), path.string());
+  return {};
+}
+
 /// For as many devices as it seems to have columns of.
 Script read_script(const fs::path& path) {
   const std::string text = read_bytes(path);
@@ -623,6 +662,10 @@ const Reader kReaders[] = {
     {"surface_ply_binary", "surface.ply", write_ply_surface<false>, without_content<read_mesh>},
     {"surface_vtk", "surface.vtk", write_vtk_surface, without_content<read_mesh>},
     {"surface_vtk_binary", "surface.vtk", write_binary_vtk_surface, without_content<read_mesh>},
+    {"centrelines_swc", "a.swc", write_swc, read_as_tree_of_lines},
+    {"centrelines_csv", "a.csv", write_centreline_csv, read_as_tree_of_lines},
+    {"centrelines_markups", "a.mrk.json", write_markups, read_as_tree_of_lines},
+    {"centrelines_vtk", "a.vtk", write_centreline_vtk, read_as_tree_of_lines},
     {"opacity", "opacity.json",
      [](const fs::path& path) { write_bytes(path, Opacity::bilinear().to_json()); },
      [](const fs::path& path) { return Opacity::named(path.string()), Content(); }},
