@@ -37,7 +37,7 @@ GivenVesselsRequest parsed(const VesselsArguments& options) {
   GivenVesselsRequest request;
   request.input = options.input;
   request.unit_mm = unit_mm(options.unit);
-  request.is_ras = is_ras(options.frame);
+  request.frame = patient_frame(options.frame);
   request.labels = options.labels;
   if (options.radius_mm != 0) request.radius_mm = options.radius_mm;
   if (!options.root.empty()) request.options.root_mm = parse_point(options.root, "--root");

@@ -74,7 +74,7 @@ class CentrelineCsv {
     name = trimmed(name);
     for (const char* const unit : {"_cm", "(cm)", "[cm]", "_um", "(um)", "[um]", "_m", "(m)", "[m]"})
       if (name.ends_with(unit))
-        lines_.fail("the column \"{}\" is not in mm; leave its unit out and give `scale`", excerpt(cell));
+        lines_.fail("the column \"{}\" is not in mm; leave its unit out and give `unit`", excerpt(cell));
     const auto* const found =
         std::ranges::find(kCsvColumns, name, &std::pair<std::string_view, CsvColumn>::first);
     return found == kCsvColumns.end() ? CsvColumn::other : found->second;

@@ -85,7 +85,7 @@ class CentrelineCompletion {
         throw InputError("{}: point {} is not finite; correct the file", field, k);
       if (std::abs(point[axis]) > kFarthest_mm)
         throw InputError(
-            "{}: point {} lies {:g} mm from the origin, more than {:g}; give `scale`, the mm in "
+            "{}: point {} lies {:g} mm from the origin, more than {:g}; give `unit`, the mm in "
             "the file's unit",
             field, k, std::abs(point[axis]), kFarthest_mm);
     }
@@ -102,11 +102,11 @@ class CentrelineCompletion {
     radius *= options_.scale_mm;
     if (!(radius <= kLargestRadius_mm))
       throw InputError(
-          "{}: point {}: the radius {:g} mm is more than {:g}; give `scale`, the mm in the "
+          "{}: point {}: the radius {:g} mm is more than {:g}; give `unit`, the mm in the "
           "file's unit",
           field, k, radius, kLargestRadius_mm);
     if (!(radius > 0))
-      throw InputError("{}: point {}: the radius is too small; give a larger `scale`", field, k);
+      throw InputError("{}: point {}: the radius is too small; give a larger `unit`", field, k);
     return radius;
   }
 
@@ -122,7 +122,7 @@ bool is_centreline_file(const std::filesystem::path& path) { return centreline_f
 std::vector<CentrelineLine> read_centreline_lines(const std::filesystem::path& path,
                                                   const CentrelineOptions& options) {
   if (!(options.scale_mm > 0) || !std::isfinite(options.scale_mm))
-    throw InputError("`scale` {:g}: must be above zero", options.scale_mm);
+    throw InputError("`unit` {:g}: must be above zero", options.scale_mm);
   if (options.radius_mm && !(*options.radius_mm > 0 && *options.radius_mm <= kLargestRadius_mm))
     throw InputError("`radius` {:g}: must be above zero and at most {:g} mm", *options.radius_mm,
                      kLargestRadius_mm);

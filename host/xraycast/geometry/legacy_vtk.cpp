@@ -179,7 +179,7 @@ class LegacyVtkReader {
   }
 
   void set_space(std::string_view text) {
-    if (text.find("SPACE=LPS") == std::string_view::npos && !says_ras(text)) return;
+    if (!says_space(text)) return;
     data_.says_space = true;
     is_ras_ = says_ras(text);
   }

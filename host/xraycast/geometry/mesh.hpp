@@ -13,6 +13,7 @@ namespace xraycast {
 struct Mesh {
   std::vector<glm::vec3> points_mm;
   std::vector<std::array<std::uint32_t, 3>> triangles;
+  bool says_space = false;  ///< of a file: it says in which space its points were
 };
 
 /// Every undirected edge belongs to exactly two triangles that run along it in opposite directions.

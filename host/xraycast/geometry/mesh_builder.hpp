@@ -14,14 +14,23 @@ namespace xraycast {
 /// Whether a header or a comment of a file says that its points are RAS, as 3D Slicer marks its files.
 inline bool says_ras(std::string_view text) { return text.find("SPACE=RAS") != std::string_view::npos; }
 
+/// The same of either space.
+inline bool says_space(std::string_view text) {
+  return says_ras(text) || text.find("SPACE=LPS") != std::string_view::npos;
+}
+
 /// Collects the surface of a file that is not trusted, in LPS. All functions throw InputError, naming the
 /// file, what it calls the field, and its number.
 class MeshBuilder {
  public:
   explicit MeshBuilder(std::string name) : name_(std::move(name)) {}
 
-  /// Points that are added from now on are RAS.
-  void set_ras() { sign_ = -1; }
+  /// Points that are added from now on are in the space that a comment says, if it says one.
+  void read_space(std::string_view comment) {
+    if (!says_space(comment)) return;
+    mesh_.says_space = true;
+    sign_ = says_ras(comment) ? -1 : 1;
+  }
 
   /// Refuses a point that no body has.
   void add_point(const glm::dvec3& stored_mm, const char* field);

@@ -21,7 +21,7 @@ class ObjReader {
   Mesh read() {
     while (const auto line = lines_.next()) {
       std::string_view words = *line;
-      if (words.starts_with('#') && says_ras(words)) mesh_.set_ras();
+      if (words.starts_with('#')) mesh_.read_space(words);
       const std::string_view keyword = take_word(words);
       if (keyword == "v") read_vertex(words);
       if (keyword == "f") read_face(words);

@@ -78,7 +78,7 @@ class PlyReader {
   void read_header() {
     if (lines_.next() != "ply") lines_.fail("is not \"ply\", which begins a PLY file");
     while (auto words = lines_.next()) {
-      if (words->starts_with("comment") && says_ras(*words)) mesh_.set_ras();
+      if (words->starts_with("comment")) mesh_.read_space(*words);
       const std::string_view keyword = take_word(*words);
       if (keyword == "format") read_format(*words);
       if (keyword == "element") read_element(*words);

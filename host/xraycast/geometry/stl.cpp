@@ -36,7 +36,9 @@ static_assert(kStlTriangle_B == 50);
 class StlMesh {
  public:
   StlMesh(std::string_view name, std::string_view header)
-      : name_(name), sign_(says_ras(header) ? -1.0f : 1.0f) {}
+      : name_(name), sign_(says_ras(header) ? -1.0f : 1.0f) {
+    mesh_.says_space = says_space(header);
+  }
 
   void add(const std::array<glm::vec3, 3>& corners_mm) {
     std::array<std::uint32_t, 3> triangle{};

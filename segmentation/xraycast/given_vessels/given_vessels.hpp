@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/centrelines/centreline_file.hpp"
 #include "xraycast/given_vessels/given_vessels_options.hpp"
 #include "xraycast/segmentation/vessels.hpp"
 
@@ -14,18 +15,18 @@ namespace xraycast {
 /// Vessels that somebody brings: a surface, a mask, or centrelines, in a file or a folder of files.
 struct GivenVesselsRequest {
   std::filesystem::path input;
-  double unit_mm = 1;               ///< of the lengths of a surface or of centrelines
-  bool is_ras = false;              ///< they lie in RAS, not in LPS; a file that says its frame is believed
-  std::vector<std::string> labels;  ///< of a mask of several structures (read_labelled_mask)
-  std::optional<double> radius_mm;  ///< of centrelines without radii
-  GivenVesselsOptions options;      ///< its grid is set from the scan
+  double unit_mm = 1;                      ///< of the lengths of a surface or of centrelines
+  PatientFrame frame = PatientFrame::lps;  ///< of a file that does not say its own
+  std::vector<std::string> labels;         ///< of a mask of several structures (read_labelled_mask)
+  std::optional<double> radius_mm;         ///< of centrelines without radii
+  GivenVesselsOptions options;             ///< its grid is set from the scan
 };
 
 /// A unit's length by its name: mm, cm or m. Throws InputError.
 double unit_mm(const std::string& name);
 
-/// Whether lengths are in RAS, by the frame's name: lps or ras. Throws InputError.
-bool is_ras(const std::string& frame);
+/// A frame by its name: lps or ras. Throws InputError.
+PatientFrame patient_frame(const std::string& name);
 
 /// Throws InputError for a request that no file can fulfil.
 void check(const GivenVesselsRequest& request);

@@ -10,9 +10,12 @@
 
 namespace xraycast {
 
-/// A note where a part of the points lies beyond a scan. Throws InputError, with `name` in front, where half
-/// of them or more do; it says so if they lie within it in another unit or frame.
-std::vector<std::string> check_place(std::span<const glm::vec3> points_mm, const VolumeGeometry& scan,
+/// Whether points of vessels lie in a scan's body. Notes, with `name` in front, say so where a part of them
+/// lies beyond the scan, where all of them would fit it better turned into the other frame (more of the other
+/// place is body, or it is brighter by far), and where they fill only a small part of it in their unit.
+/// Throws InputError where half of the points or more lie beyond the scan; it names the unit or frame that
+/// would put them inside.
+std::vector<std::string> check_place(std::span<const glm::vec3> points_mm, const Volume& scan,
                                      const std::string& name);
 
 }  // namespace xraycast

@@ -25,6 +25,12 @@ class SurfaceDistance {
   virtual const Mesh& wall() const = 0;
 };
 
+double surface_area_mm2(const Mesh& mesh);
+
+/// A spacing for surface_distance: as fine as eight million distances beside the wall allow, but not finer
+/// than a sixteenth of the vessels' mean radius.
+double spacing_of_distances_mm(const Mesh& mesh);
+
 /// By OpenVDB, which the first call loads. The wall is that of the given surface to a small part of the
 /// spacing; what is thinner than the spacing is lost. Throws Error when the library is not installed beside
 /// the program.

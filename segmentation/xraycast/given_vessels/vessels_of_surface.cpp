@@ -19,21 +19,11 @@
 namespace xraycast {
 namespace {
 
-double area_mm2(const Mesh& mesh) {
-  double sum = 0;
-  for (const auto& [a, b, c] : mesh.triangles) {
-    const glm::dvec3 p = mesh.points_mm[a];
-    sum +=
-        0.5 * glm::length(glm::cross(glm::dvec3(mesh.points_mm[b]) - p, glm::dvec3(mesh.points_mm[c]) - p));
-  }
-  return sum;
-}
-
 /// Throws InputError where the vessels of a surface are wider than any or narrower than a wire: twice the
 /// volume over the area is the radius of a long tube.
 void check_size(const Mesh& mesh, const std::string& name) {
   constexpr double kWidest_mm = 60, kNarrowest_mm = 0.05;
-  const double radius_mm = 2 * std::abs(volume_mm3(mesh)) / area_mm2(mesh);
+  const double radius_mm = 2 * std::abs(volume_mm3(mesh)) / surface_area_mm2(mesh);
   if (radius_mm > kWidest_mm)
     throw InputError(
         "{}: its vessels would be {:.3g} mm wide; give the unit of its lengths with `unit`, or a "
@@ -43,14 +33,6 @@ void check_size(const Mesh& mesh, const std::string& name) {
     throw InputError(
         "{}: its vessels would be {:.2g} mm wide; give the unit of its lengths with `unit`: cm or m", name,
         2 * radius_mm);
-}
-
-/// As fine as eight million distances beside the wall allow, but not finer than a sixteenth of the vessels'
-/// mean radius.
-double spacing_of_distances_mm(const Mesh& mesh) {
-  constexpr double kDistances = 8e6, kFineness = 16;
-  const double area = area_mm2(mesh), radius_mm = 2 * std::abs(volume_mm3(mesh)) / area;
-  return std::max(std::sqrt(2 * SurfaceDistance::kBand * area / kDistances), radius_mm / kFineness);
 }
 
 /// Lets the free ends of a tree that lie within an open vessel reach its opening. Returns how many openings
