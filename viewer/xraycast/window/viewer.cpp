@@ -8,6 +8,7 @@
 #include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/fluoroscope/fluoroscope_request.hpp"
+#include "xraycast/geometry/mesh.hpp"
 #include "xraycast/sampling/clip_space.hpp"
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/vessel_pick.hpp"
@@ -37,9 +38,8 @@ fs::path unused(const std::string& stem, const std::string& extension) {
 }
 
 bool is_vessels(const fs::path& path) {
-  const std::string extension = extension_of(path);
-  return extension == ".vtp" || extension == ".stl" || fs::exists(path / "surface.vtp") ||
-         fs::exists(path / "surface.stl") || fs::exists(path / "tree.vtp");
+  return is_surface_file(path) || fs::exists(path / "surface.vtp") || fs::exists(path / "surface.stl") ||
+         fs::exists(path / "tree.vtp");
 }
 
 /// What a file is opened as.
