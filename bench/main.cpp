@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <string_view>
 
 namespace xraycast::bench {
@@ -63,14 +64,30 @@ void measure_rows(Bench& bench, const fs::path& folder) {
   write_json(rows, collector.times, (folder / "bench.json").string());
 }
 
+/// Takes `--lanes N` out of the words, and has PoCL compile kernels for a processor with vectors of so many
+/// floats: 8 for AVX2, 4 for SSE4.1. Before OpenCL is first used. The variable is PoCL's for the builds of
+/// distributions, which choose by it one of their libraries of built-in functions, and the processor.
+void narrow_kernels(std::vector<std::string_view>& words) {
+  const auto option = std::ranges::find(words, "--lanes");
+  if (option == words.end()) return;
+  const std::string_view lanes = option + 1 == words.end() ? "" : option[1];
+  if (lanes != "4" && lanes != "8") {
+    fmt::print(stderr, "--lanes: give 4 or 8\n");
+    std::exit(2);
+  }
+  setenv("POCL_KERNELLIB_NAME", lanes == "8" ? "avx2" : "sse41", 1);
+  words.erase(option, option + 2);
+}
+
 }  // namespace
 }  // namespace xraycast::bench
 
-/// xraycast_bench [--scaling | --moving] [FOLDER [PYTHON]], and Google Benchmark's options.
+/// xraycast_bench [--lanes 4|8] [--scaling | --moving] [FOLDER [PYTHON]], and Google Benchmark's options.
 int main(int argc, char** argv) {
   using namespace xraycast::bench;
   benchmark::Initialize(&argc, argv);
   std::vector<std::string_view> words(argv + 1, argv + argc);
+  narrow_kernels(words);
   const bool wants_scaling = std::erase(words, "--scaling") > 0,
              wants_moving = std::erase(words, "--moving") > 0;
   const fs::path folder = words.empty() ? "." : words[0];

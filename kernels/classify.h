@@ -15,6 +15,14 @@ static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opaci
   return mu;
 }
 
+static inline float8 mu_of8(const float8 hu, constant const XrcOpacity* opacity,
+                            global const float2* table) {
+  (void)table;
+  float8 mu = opacity->mu0;
+  for (int i = 0; i < RAMPS; ++i) mu = fma((float8)opacity->slope[i], max(hu - opacity->from[i], 0.0f), mu);
+  return mu;
+}
+
 static inline float mu_of(const float hu, constant const XrcOpacity* opacity, global const float2* table) {
   (void)table;
   float mu = opacity->mu0;
@@ -43,6 +51,19 @@ static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opaci
   for (int n = 0; n < 16; ++n) entry[n] = entries[index[n]];
   const float16 lower = as_float16(vload8(0, entry)), upper = as_float16(vload8(1, entry));
   return fma(at - convert_float16(i), (float16)(lower.odd, upper.odd), (float16)(lower.even, upper.even));
+}
+
+static inline float8 mu_of8(const float8 hu, constant const XrcOpacity* opacity,
+                            global const float2* table) {
+  const float8 at = clamp(hu - opacity->first_hu, 0.0f, (float)(opacity->entries - 1));
+  const int8 i = convert_int8(at);
+  global const long* entries = (global const long*)table;
+  int index[8];
+  long entry[8];
+  vstore8(i, 0, index);
+  for (int n = 0; n < 8; ++n) entry[n] = entries[index[n]];
+  const float16 pairs = as_float16(vload8(0, entry));
+  return fma(at - convert_float8(i), pairs.odd, pairs.even);
 }
 
 #endif

@@ -82,6 +82,50 @@ INLINE void interpolate_column(SCAN voxels, const Rays* rays, const int groups, 
   column->first_slice = first * XRC_BRICK_SLICES;
 }
 
+#ifdef HALVES
+
+typedef float8 HalfSlices __attribute__((aligned(4)));
+
+/* HU of 8 rays in a core plane k. */
+INLINE float8 sample_half(const Column* column, const float8 v0, const float8 dv, const int k) {
+  const float8 v = fma((float8)(float)k, dv, v0);
+  const int8 slice = convert_int8(v);
+  const int lowest = min(slice.s0, slice.s7), span = min(max(slice.s0, slice.s7) - lowest, 2 * ROWS - 1);
+  const float* from =
+      (const float*)column->hu + clamp(lowest - column->first_slice, 0, COLUMN_BRICKS * XRC_BRICK_SLICES - 1);
+  const int8 picks = slice - lowest;
+  float8 here = __builtin_shufflevector(*(const HalfSlices*)from, picks),
+         above = __builtin_shufflevector(*(const HalfSlices*)(from + 1), picks);
+  for (int past = 8; past <= span; past += 8) {
+    const int8 is_beyond = picks >= past, shifted = picks - past;
+    here = select(here, __builtin_shufflevector(*(const HalfSlices*)(from + past), shifted), is_beyond);
+    above = select(above, __builtin_shufflevector(*(const HalfSlices*)(from + past + 1), shifted), is_beyond);
+  }
+  return fma(v - convert_float8(slice), above - here, here);
+}
+
+/* HU of 16 rays in a core plane k. */
+INLINE float16 sample_column(const Column* column, const Rays* rays, const int k) {
+  return (float16)(sample_half(column, rays->v0.lo, rays->dv.lo, k),
+                   sample_half(column, rays->v0.hi, rays->dv.hi, k));
+}
+
+/* The sums of 16 rays over the core planes k to k + PLANES - 1: half by half, so that all stays in
+ * registers. */
+INLINE float16 add_core_planes(float16 sum, const Column* columns, const Rays* rays, const int k,
+                               constant const XrcOpacity* opacity, global const float2* table) {
+  float8 low = sum.lo, high = sum.hi;
+  const float8 v0 = rays->v0.lo, dv = rays->dv.lo, high_v0 = rays->v0.hi, high_dv = rays->dv.hi;
+#pragma unroll
+  for (int p = 0; p < PLANES; ++p) low += mu_of8(sample_half(&columns[p], v0, dv, k + p), opacity, table);
+#pragma unroll
+  for (int p = 0; p < PLANES; ++p)
+    high += mu_of8(sample_half(&columns[p], high_v0, high_dv, k + p), opacity, table);
+  return (float16)(low, high);
+}
+
+#else
+
 /* HU of 16 rays in a core plane k. */
 INLINE float16 sample_column(const Column* column, const Rays* rays, const int k) {
   const float16 v = fma((float16)(float)k, rays->dv, rays->v0);
@@ -100,6 +144,17 @@ INLINE float16 sample_column(const Column* column, const Rays* rays, const int k
   return fma(v - convert_float16(slice), above - here, here);
 }
 
+/* The sums of 16 rays over the core planes k to k + PLANES - 1. */
+INLINE float16 add_core_planes(float16 sum, const Column* columns, const Rays* rays, const int k,
+                               constant const XrcOpacity* opacity, global const float2* table) {
+#pragma unroll
+  for (int p = 0; p < PLANES; ++p)
+    sum += mu_of16(sample_column(&columns[p], rays, k + p), opacity, table);
+  return sum;
+}
+
+#endif
+
 /* Adds planes k to k + PLANES - 1 for the groups that are `left`. `columns` are room for those planes. */
 static inline void add_planes(SCAN voxels, DetectorColumn* column, const uint left, const int k,
                               Column* columns, constant const XrcOpacity* opacity,
@@ -114,9 +169,7 @@ static inline void add_planes(SCAN voxels, DetectorColumn* column, const uint le
     const Rays* rays = &column->rays[g];
     float16 sum = column->sum[g];
     if (k >= rays->first_core && k + PLANES - 1 <= rays->last_core) {
-#pragma unroll
-      for (int p = 0; p < PLANES; ++p)
-        sum += mu_of16(sample_column(&columns[p], rays, k + p), opacity, table);
+      sum = add_core_planes(sum, columns, rays, k, opacity, table);
     } else {
       for (int p = 0; p < PLANES; ++p) {
         const int now = k + p;

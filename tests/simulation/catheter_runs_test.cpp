@@ -112,7 +112,7 @@ struct Outcome {
   long contacts = 0;         ///< point by point, step by step
   double energy_growth = 0;  ///< with the hub at rest, relative to the energy then
   double return_mm = 0;      ///< of the tip, after pushing and pulling
-  bool ends_inside = true;   ///< no part of the axis lies outside of the wall then
+  double outside_mm = 0;     ///< how far outside of the wall the axis lies then, at most
   double real_time = 0;      ///< processor time over simulated time
 };
 
@@ -140,7 +140,7 @@ class RandomRun {
     for (int i = 0; i < 300; ++i) step({});
     run_.return_mm = glm::distance(catheter_.tip(0).position_mm, tip_mm);
     for (const WallContact::Contact& contact : catheter_.wall(0).contacts())
-      run_.ends_inside = run_.ends_inside && contact.sample.clearance_mm > 0;
+      run_.outside_mm = std::max(run_.outside_mm, -contact.sample.clearance_mm);
     run_.real_time = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC / catheter_.time_s();
     return run_;
   }
@@ -265,11 +265,11 @@ void write_table(const std::vector<Outcome>& runs, const std::string& suffix = {
   std::ofstream table(fs::path(folder) / (runs.front().tree + suffix + ".csv"));
   table
       << "seed,tree,instrument,finite,deepest_mm,beyond_static_mm,contacts,energy_growth,return_mm,real_time,"
-         "unsolved\n";
+         "unsolved,outside_mm\n";
   for (const Outcome& run : runs)
-    table << fmt::format("{},{},{},{},{:.4f},{:.5f},{},{:.2e},{:.4f},{:.3f},{}\n", run.seed, run.tree,
+    table << fmt::format("{},{},{},{},{:.4f},{:.5f},{},{:.2e},{:.4f},{:.3f},{},{:.4f}\n", run.seed, run.tree,
                          run.instrument, run.is_finite, run.deepest_mm, run.beyond_static_mm, run.contacts,
-                         run.energy_growth, run.return_mm, run.real_time, run.unsolved);
+                         run.energy_growth, run.return_mm, run.real_time, run.unsolved, run.outside_mm);
 }
 
 class RandomScripts : public testing::TestWithParam<const char*> {};
@@ -306,12 +306,10 @@ TEST_P(RandomScripts, BreakNothingInABodyThatMoves) {
     EXPECT_LT(run.return_mm, 1) << where;
     EXPECT_LT(run.unsolved, 0.02 * run.steps) << where;  // while tips snap
     EXPECT_LT(run.real_time, 1.5) << where;
-    // What presses it does not count the instrument's inertia, against walls that come at some 0.1 m/s. Where
-    // instruments fill vessels that are stretched by millimetres, they are pulled through their walls.
-    const bool has_room = run.tree == "thorax" || run.tree == "head";
-    if (!has_room) continue;
-    EXPECT_TRUE(run.ends_inside) << where;
-    EXPECT_LT(run.beyond_static_mm, 0.5) << where;
+    EXPECT_EQ(run.outside_mm, 0) << where;
+    // What presses it does not count the instrument's inertia, against walls that come at some 0.1 m/s: the
+    // worst of 1,200 scripts is 0.58.
+    EXPECT_LT(run.beyond_static_mm, 0.8) << where;
   }
   write_table(runs, "-moving");
 }

@@ -348,6 +348,27 @@ TEST(MovingWall, ThatIsHeldAtAPhaseMakesNoEnergy) {
   EXPECT_GT(start_J, 1e-6);
 }
 
+TEST(MovingWall, LeavesAloneWhatTheIntroducerHolds) {
+  // The vessel goes aside by 4 mm, more than its radius, and would press what cannot give way.
+  const VesselTree vessel = straight_tube(150, 2);
+  const auto motion = motion_by(shift_by({4, 0, 0}));
+  Instruments instruments(vessel, {InstrumentModel::named("guidewire-035-straight")},
+                          most_inferior_end(vessel), {.motion = motion});
+  for (int i = 0; i < 500; ++i)
+    instruments.step(std::array{HubPose{}}, motion->phases_at(instruments.step_s() * i));
+  // The introducer is 20 mm long, and its hold fades over the last five.
+  constexpr double kExit_mm = -30, kHeld_mm = 15;
+  std::size_t held = 0;
+  for (const WallContact::Contact& contact : instruments.wall(0).contacts()) {
+    const Vector3d at_mm = contact.point.position_mm(instruments.rod(0).state());
+    if (at_mm.z() > kExit_mm - (20 - kHeld_mm)) continue;
+    EXPECT_EQ(contact.depth_mm, 0);
+    EXPECT_GT(contact.sample.clearance_mm, 1.5);
+    ++held;
+  }
+  EXPECT_GT(held, 5U);
+}
+
 TEST(MovingWall, KeepsACatheterWithinItAndShowsItsBeatAtTheHub) {
   RunRequest request = thorax_run();
   request.body.motion = beating_aorta();

@@ -65,6 +65,13 @@ Columns inverse_rows(const Columns& matrix) {
   return {Column{by * bc[0], by * bc[1], by * bc[2], 0}, Column{by * ca[0], by * ca[1], by * ca[2], 0},
           Column{by * ab[0], by * ab[1], by * ab[2], 0}};
 }
+/// By which a clearance in the scan becomes one in the body: the inverse of the slope across the wall, from
+/// the gradient in the scan and the same by the body's place.
+[[gnu::always_inline]] inline double scale_of(const Vector3d& gradient, const Lanes& by_body) {
+  const Lanes in_scan = padded(gradient);
+  const double slope2 = sum(by_body * by_body);
+  return slope2 > 0 ? std::sqrt(sum(in_scan * in_scan) / slope2) : 1;
+}
 [[gnu::always_inline]] inline void add_matrix(const Eigen::Matrix3d& matrix, std::array<Lanes, kLanes>& to) {
   for (Eigen::Index c = 0; c < 3; ++c) to[static_cast<std::size_t>(c) + 1] += lanes_of(matrix.col(c));
 }
@@ -108,6 +115,7 @@ WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const 
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     contacts_[k].point = contact_point(k, rod.node_count());
     const Vector3d position_mm = contacts_[k].point.position_mm(rod.state());
+    states_[k].inside = fraction_inside(rod, contacts_[k].point);
     states_[k].hint = field_->locate(in_scan_mm(k, position_mm));
     sample_wall(k, position_mm);
     if (body_) {
@@ -126,6 +134,7 @@ void WallContact::node_added() {
   state.stiffening_mm = states_.front().stiffening_mm;
   state.sampled_at_mm = states_.front().sampled_at_mm;
   state.scale = states_.front().scale;
+  state.inside = states_.front().inside;
   states_.insert(states_.begin(), 2, state);
   if (body_) moving_.insert(moving_.begin(), 2, MovingPoint(moving_.front()));
 }
@@ -174,11 +183,12 @@ void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
   if (body_) {
     MovingPoint& moving = moving_[index];
     moving.gradient = contact.sample.gradient;
+    const Lanes by_body = transposed_times(moving.jacobian, moving.gradient);
     // Where a contact may begin: that of another side of the vessel would make it jump later.
-    if (is_following_ && contact.depth_mm == 0) states_[index].scale = scale_now(index);
+    if (is_following_ && contact.depth_mm == 0) states_[index].scale = scale_of(moving.gradient, by_body);
     const double scale = states_[index].scale;
     contact.sample.clearance_mm *= scale;
-    contact.sample.gradient = scale * unpadded(transposed_times(moving.jacobian, moving.gradient));
+    contact.sample.gradient = scale * unpadded(by_body);
   }
   take_depth(index);
   states_[index].sampled_at_mm = point_mm;
@@ -237,13 +247,9 @@ void WallContact::take_answers() {
 
 // ---- a body that moves ----------------------------------------------------------------------------------
 
-/// By which a clearance in the scan becomes one in the body: the inverse of the slope across the wall.
 double WallContact::scale_now(std::size_t index) const {
   const MovingPoint& moving = moving_[index];
-  const Lanes by_body = transposed_times(moving.jacobian, moving.gradient);
-  const Lanes in_scan = padded(moving.gradient);
-  const double slope2 = sum(by_body * by_body);
-  return slope2 > 0 ? std::sqrt(sum(in_scan * in_scan) / slope2) : 1;
+  return scale_of(moving.gradient, transposed_times(moving.jacobian, moving.gradient));
 }
 
 void WallContact::rescale(std::size_t index, double scale) {
@@ -284,14 +290,71 @@ void WallContact::rescale(std::size_t index, double scale) {
   return matrix;
 }
 
-XRAYCAST_WIDE_VECTORS
-void WallContact::follow_body(const Rod& rod) {
-  is_following_ = starts_anew_ = true;
-  ++followed_;
-  queries_.clear();
-  asking_.clear();
-  for (std::size_t k = 0; k < contacts_.size(); ++k) follow_body(rod, k);
-  take_answers();
+/// Of the body, but where the introducer holds the rod: there it stays as it was when the introducer was put
+/// in. Else a wall of the vessel that goes on around it would be pressed against what cannot give way.
+[[gnu::always_inline]] inline MovingBody::Place WallContact::place_of(std::size_t index,
+                                                                      const Vector3d& point_mm) {
+  const double inside = states_[index].inside, held = inside * inside * (3 - 2 * inside);
+  if (held == 0) return body_->place(point_mm);
+  MovingBody::Place place;
+  if (held < 1) place = body_->place(point_mm);
+  const MovingBody::Place& rest = introducer_->place;
+  // Displacements are blended, so that without any a place is itself to the last bit.
+  const Lanes exit_mm = padded(introducer_->exit_mm), at_mm = padded(point_mm), off_mm = at_mm - exit_mm;
+  const double free = 1 - held;
+  Lanes rest_mm = load(rest.scan_mm.data()) - exit_mm;
+  for (std::size_t c = 0; c < 3; ++c) {
+    Lanes itself{};
+    itself[c] = 1;
+    const Lanes slope = load(rest.jacobian[c].data()) - itself;
+    rest_mm += off_mm[c] * slope;
+    const Lanes of_body = held < 1 ? free * (load(place.jacobian[c].data()) - itself) : Lanes{};
+    store(place.jacobian[c].data(), itself + (of_body + held * slope));
+  }
+  const Lanes of_body_mm = held < 1 ? free * (load(place.scan_mm.data()) - at_mm) : Lanes{};
+  store(place.scan_mm.data(), at_mm + (of_body_mm + held * rest_mm));
+  store(place.moved_mm.data(), held < 1 ? free * load(place.moved_mm.data()) : Lanes{});
+  return place;
+}
+
+/// `goes_on`: what it has become by its course so far corrects that.
+[[gnu::always_inline]] inline void WallContact::look_up(std::size_t index, const Vector3d& point_mm,
+                                                        bool goes_on) {
+  MovingPoint& moving = moving_[index];
+  const MovingBody::Place place = place_of(index, point_mm);
+  if (goes_on) {
+    const Lanes share = all<Lanes>(1.0 / kLookUpSteps);
+    const auto correct = [share](Column & change, const Column& is, const Column& became)
+        __attribute__((always_inline)) {
+      add_to(change.data(), share * (load(is.data()) - load(became.data())));
+    };
+    correct(moving.moved_change_mm, place.moved_mm, moving.moved_mm);
+    for (std::size_t c = 0; c < 3; ++c)
+      correct(moving.jacobian_change[c], place.jacobian[c], moving.jacobian[c]);
+  }
+  store(moving.body_mm.data(), padded(point_mm));
+  moving.scan_mm = place.scan_mm;
+  moving.moved_mm = place.moved_mm;
+  moving.jacobian = place.jacobian;
+  if (is_following_) moving.to_body = inverse_rows(place.jacobian);
+}
+
+/// To second order, without another sample: what the wall's material brings, which is `moved_mm` away in the
+/// scan, is as far from the rod as that lay from it before.
+[[gnu::always_inline]] inline void WallContact::shift_wall(std::size_t index, const Vector3d& moved_mm) {
+  Contact& contact = contacts_[index];
+  const MovingPoint& moving = moving_[index];
+  LumenDistanceField::Sample& sample = contact.sample;
+  const auto* one = std::get_if<LumenDistanceField::WallCurvature>(&sample.wall);
+  const Vector3d turned = one ? one->times(moving.gradient, moved_mm)
+                              : Vector3d(std::get<Eigen::Matrix3d>(sample.wall) * moved_mm);
+  const double in_scan_mm =
+      sample.clearance_mm / states_[index].scale - (moving.gradient + 0.5 * turned).dot(moved_mm);
+  const Lanes by_body = transposed_times(moving.jacobian, moving.gradient);
+  const double scale = states_[index].scale = scale_of(moving.gradient, by_body);
+  sample.clearance_mm = scale * in_scan_mm;
+  sample.gradient = scale * unpadded(by_body + transposed_times(moving.jacobian, turned));
+  contact.depth_mm = std::max(0.0, radius_mm_ - sample.clearance_mm);
 }
 
 /// Where the wall is out of reach, that is all; else it is shifted or, where it was not sampled as the last
@@ -304,7 +367,7 @@ void WallContact::follow_body(const Rod& rod) {
   const Lanes off_mm = padded(point_mm) - load(moving.body_mm.data()),
               before_mm = load(moving.scan_mm.data()) + times(moving.jacobian, off_mm);
   const std::size_t turn = followed_ + (contacts_.size() - index) / kContactsOfTurn;
-  if (!was_following_) {
+  if (!was_following_ || states_[index].inside > 0) {
     moving.moved_change_mm = {};
     moving.jacobian_change = {};
     look_up(index, point_mm, false);
@@ -330,42 +393,14 @@ void WallContact::follow_body(const Rod& rod) {
     ask(index, place_mm, contact.sample.hint);
 }
 
-/// `goes_on`: what it has become by its course so far corrects that.
-void WallContact::look_up(std::size_t index, const Vector3d& point_mm, bool goes_on) {
-  MovingPoint& moving = moving_[index];
-  const MovingBody::Place place = body_->place(point_mm);
-  if (goes_on) {
-    const Lanes share = all<Lanes>(1.0 / kLookUpSteps);
-    const auto correct = [share](Column & change, const Column& is, const Column& became)
-        __attribute__((always_inline)) {
-      add_to(change.data(), share * (load(is.data()) - load(became.data())));
-    };
-    correct(moving.moved_change_mm, place.moved_mm, moving.moved_mm);
-    for (std::size_t c = 0; c < 3; ++c)
-      correct(moving.jacobian_change[c], place.jacobian[c], moving.jacobian[c]);
-  }
-  store(moving.body_mm.data(), padded(point_mm));
-  moving.scan_mm = place.scan_mm;
-  moving.moved_mm = place.moved_mm;
-  moving.jacobian = place.jacobian;
-  if (is_following_) moving.to_body = inverse_rows(place.jacobian);
-}
-
-/// To second order, without another sample: what the wall's material brings, which is `moved_mm` away in the
-/// scan, is as far from the rod as that lay from it before.
-void WallContact::shift_wall(std::size_t index, const Vector3d& moved_mm) {
-  Contact& contact = contacts_[index];
-  const MovingPoint& moving = moving_[index];
-  LumenDistanceField::Sample& sample = contact.sample;
-  const auto* one = std::get_if<LumenDistanceField::WallCurvature>(&sample.wall);
-  const Vector3d turned = one ? one->times(moving.gradient, moved_mm)
-                              : Vector3d(std::get<Eigen::Matrix3d>(sample.wall) * moved_mm);
-  const double in_scan_mm =
-      sample.clearance_mm / states_[index].scale - (moving.gradient + 0.5 * turned).dot(moved_mm);
-  const double scale = states_[index].scale = scale_now(index);
-  sample.clearance_mm = scale * in_scan_mm;
-  sample.gradient = scale * unpadded(transposed_times(moving.jacobian, Vector3d(moving.gradient + turned)));
-  contact.depth_mm = std::max(0.0, radius_mm_ - sample.clearance_mm);
+XRAYCAST_WIDE_VECTORS
+void WallContact::follow_body(const Rod& rod) {
+  is_following_ = starts_anew_ = true;
+  ++followed_;
+  queries_.clear();
+  asking_.clear();
+  for (std::size_t k = 0; k < contacts_.size(); ++k) follow_body(rod, k);
+  take_answers();
 }
 
 Vector3d WallContact::off_axis_mm(const Vector3d& point_mm) const {
@@ -400,7 +435,7 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index, double bare_m
       force_N->setZero();
   state.wall_mN_mm = options_.stiffness_N_mm2 / kMilli * state.voronoi_length_mm;
   state.friction.spring_mN_mm = options_.tangential_N_mm2 / kMilli * state.voronoi_length_mm;
-  const double inside = fraction_inside(rod, contact.point);
+  const double inside = state.inside = fraction_inside(rod, contact.point);
   state.introducer_mN_mm =
       kIntroducer_N_mm2 / kMilli * state.voronoi_length_mm * inside * inside * (3 - 2 * inside);
   state.start_mm = state.anchor_mm = contact.point.position_mm(rod.state());

@@ -33,7 +33,8 @@ namespace xraycast {
 /// shows a place of the scan, and the clearance there is taken back by the slope of the way across the wall,
 /// so that depths are the body's. While the body moves, the way from body to scan is linear about each
 /// contact in a step, its derivative renewed every few steps; while it is held, it is exact. The wall's
-/// material takes the friction springs' anchors along, and does work on the rod; the introducer stays.
+/// material takes the friction springs' anchors along, and does work on the rod. The introducer stays, and so
+/// does the wall around what it holds.
 class WallContact final : public ExternalPotential {
  public:
   struct Options {
@@ -44,6 +45,7 @@ class WallContact final : public ExternalPotential {
   struct Introducer {
     Eigen::Vector3d exit_mm{0, 0, 0};  ///< where the instrument enters the vessel
     Eigen::Vector3d axis{0, 0, 1};     ///< unit, into the vessel
+    MovingBody::Place place{};         ///< of a body that moves: what the exit showed as it was put there
   };
 
   /// `rod`'s contact points are located in the whole field once, here. `body`: that moves, of whose scan the
@@ -105,6 +107,7 @@ class WallContact final : public ExternalPotential {
     Eigen::Vector3d stick_mm{0, 0, 0};         ///< displacement of the friction spring, in space
     Eigen::Vector2d start_slip_mm{0, 0};       ///< the same in t1, t2, as the step begins
     double introducer_mN_mm = 0, introducer_uJ = 0;
+    double inside = 0;                       ///< the introducer: 1 where it holds in full, 0 beyond its exit
     Eigen::Vector3d sampled_at_mm{0, 0, 0};  ///< in the scan
     double scale = 1;                        ///< of the body's clearance by the scan's
     bool is_covered = false;                 ///< by another instrument
@@ -145,6 +148,7 @@ class WallContact final : public ExternalPotential {
   void follow_body(const Rod& rod, std::size_t index);
   void shift_wall(std::size_t index, const Eigen::Vector3d& moved_mm);
   void look_up(std::size_t index, const Eigen::Vector3d& point_mm, bool goes_on);
+  MovingBody::Place place_of(std::size_t index, const Eigen::Vector3d& point_mm);
   double scale_now(std::size_t index) const;
   void rescale(std::size_t index, double scale);
   Eigen::Matrix3d curvature(std::size_t index) const;

@@ -80,6 +80,7 @@ Instruments::Instruments(const VesselTree& tree, const std::vector<InstrumentMod
       body_(body_of(options)),
       end_(entry),
       entry_(in_body(entry, body_.get())),
+      entry_place_(body_ ? body_->place(entry_.position_mm) : MovingBody::Place{}),
       field_(lumen_with_introducer(tree, entry)),
       rods_(make_rods(checked(tree, entry, instruments))),
       walls_(instruments.size()),
@@ -109,7 +110,7 @@ std::vector<Rod> Instruments::make_rods(const std::vector<InstrumentModel>& inst
 std::unique_ptr<WallContact> Instruments::make_wall(const CoaxialRods& rods, std::size_t instrument) const {
   const Rod& rod = rods.rod(instrument);
   std::optional<WallContact::Introducer> introducer;
-  if (instrument == 0) introducer = {entry_.position_mm, -entry_.outward};
+  if (instrument == 0) introducer = {entry_.position_mm, -entry_.outward, entry_place_};
   return std::make_unique<WallContact>(
       field_, rod,
       WallContact::Options{.stiffness_N_mm2 = options_.wall_stiffness_N_mm2,

@@ -141,6 +141,7 @@ class Instruments {
   std::shared_ptr<MovingBody> body_;  ///< none without a motion
   VesselEnd end_;                     ///< of the tree
   VesselEnd entry_;                   ///< that in the body
+  MovingBody::Place entry_place_;     ///< what it showed as the introducer was put there
   std::shared_ptr<const LumenDistanceField> field_;
   CoaxialRods rods_;
   Walls walls_;
