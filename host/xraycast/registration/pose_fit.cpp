@@ -142,8 +142,7 @@ class LocalGains {
     for (int round = 0; round < rounds; ++round) {
       Sums sums;
       for_each(counted, [&](std::size_t i, const Corners& corners) {
-        const double size = std::abs(wanted[i] - gains[i] * own[i]),
-                     weight = weight_of(size, threshold);
+        const double size = std::abs(wanted[i] - gains[i] * own[i]), weight = weight_of(size, threshold);
         for (const auto& [node, share] : corners) {
           sums.product[node] += share * weight * wanted[i] * own[i];
           sums.square[node] += share * weight * own[i] * own[i];
