@@ -1,11 +1,14 @@
 #include "options/command.hpp"
+#include "options/motion_options.hpp"
 #include "options/run_options.hpp"
 #include "options/scene_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/still_picture.hpp"
+#include "xraycast/scene/map_motion.hpp"
 #include "xraycast/scene/session_map.hpp"
 
 #include <fmt/format.h>
@@ -19,17 +22,42 @@ struct ExportArguments {
   std::string map, output, session, title, precision = "byte";
   RunOptions run{.instrument_models = {"cobra-5f"}};
   SceneOptions scene;
+  std::vector<std::string> keys;
   const CLI::App* command = nullptr;
 };
 
 /// Rejects options that have no effect.
 void check_applies(const ExportArguments& options, ExportFormat format) {
   if (format == ExportFormat::gltf)
-    check_not_given(*options.command, {"--precision"},
+    check_not_given(*options.command, {"--precision", "--keys", "--gate", "--motion-speed"},
                     fmt::format("to {}, which holds no map; leave it out or write a .html", options.output));
   if (options.run.script.empty())
     check_not_given(*options.command, {"--device-model", "--entry"},
                     "without a run; leave it out or give --script too");
+  else
+    check_not_given(*options.command, {"--gate"}, "to a run, whose time is the body's; leave it out");
+}
+
+/// How the body moves: by the motion that is given, else the one that the map names.
+BodyRequest page_body(const ExportArguments& options, const BodyMap& map) {
+  BodyRequest body = body_request_of(options.run.body);
+  std::vector<std::string> notes;  // on the vessels; check() tells of those too
+  if (!body.motion) body.motion = motion_of(map, {}, notes);
+  return body;
+}
+
+/// The run in the body of the request. Of one that moves the motion must be there.
+RunRequest run_request(const ExportArguments& options, const ExportRequest& request,
+                       const ViewSession& scene) {
+  RunOptions given = options.run;
+  given.body = {};
+  RunRequest run = parse_run(given, scene.vessels);
+  if (!request.map->keys) return run;
+  if (!request.body.motion)
+    throw InputError("{}: moves, but {}, by which it was cast, is not there; give it by --motion",
+                     request.map_name, request.map->keys->motion.string());
+  run.body = request.body;
+  return run;
 }
 
 void export_session(const ExportArguments& options, Invocation& invocation) {
@@ -43,16 +71,26 @@ void export_session(const ExportArguments& options, Invocation& invocation) {
       throw InputError("--script {}: there are no vessels to steer in; give --vessels too", script);
     scene.steered.reset();  // the run's instruments are shown instead
   }
-  ExportRequest request = exported_session(scene, load_map(scene, invocation.device));
+  std::shared_ptr<const BodyMap> map = load_map(scene, invocation.device);
+  if (!options.keys.empty() && !map->keys)
+    throw InputError("--keys: {} stands still; leave it out", scene.map.string());
+  if (!options.keys.empty())
+    map = std::make_shared<const BodyMap>(with_fewer_keys(*map, parse_keys(options.keys)));
+  ExportRequest request = exported_session(scene, std::move(map));
+  request.body = page_body(options, *request.map);
+  if (request.body.motion) invocation.say(request.body.motion->warnings());
   request.format = format;
   if (!options.title.empty()) request.title = options.title;
   request.precision = parse_map_precision(options.precision);
   request.is_of_session = !options.session.empty();
-  invocation.say(check(request));
+  if (script.empty()) invocation.say(check(request));
   if (!script.empty()) {
-    const RunRequest run = parse_run(options.run, scene.vessels);
+    check(request);
+
+    const RunRequest run = run_request(options, request, scene);
     invocation.say(check(run));
     request.run = recorded_run(run, invocation.progress);
+    invocation.say(check(request));
   }
   if (format == ExportFormat::page) request.still_png = still_png(request);
   const std::string bytes = export_bytes(request);
@@ -75,6 +113,7 @@ void add_export(CLI::App& app, Invocation& invocation) {
       "  xraycast export map.exr --vessels vessels --script pair.csv --device-model cobra-5f \\\n"
       "    --device-model guidewire-035-j -o run.html\n"
       "  xraycast export map.exr --vessels vessels --script push.csv -o run.glb\n"
+      "  xraycast export moving.exr --vessels vessels -o breathes.html --gate heart=0.75\n"
       "  xraycast export --session operation.json -o page.html",
       [options, &invocation] { export_session(*options, invocation); });
   options->command = command;
@@ -88,6 +127,18 @@ void add_export(CLI::App& app, Invocation& invocation) {
   add_scene_options(*command, options->scene);
   add_script_option(*command, options->run, "A run to simulate again in --vessels (see `xraycast simulate`)");
   add_coaxial_options(*command, options->run);
+  add_body_options(
+      *command, options->run.body,
+      "Of a map that moves: the motion.json by which it was cast, by which vessels and a run's body "
+      "move (default: the one that the map names)",
+      false);
+  command
+      ->add_option(
+          "--keys", options->keys,
+          "Of a map that moves: how many of a mode's key maps the page holds (default: all), which makes "
+          "it smaller. Repeat it for several modes")
+      ->allow_extra_args(false)
+      ->type_name("NAME=N");
   command
       ->add_option("--precision", options->precision,
                    "How the page stores the map: byte (8 bits a texel) or half (16 bits)")

@@ -254,7 +254,7 @@ void add_register(CLI::App& app, Invocation& invocation) {
       ->add_option(
           "--camera", options->cameras,
           "The camera of each X-ray, in order: JSON with K and RT, which is where the search starts, "
-          "or Autoscoper's text")
+          "OpenCV's YAML, or Autoscoper's text")
       ->type_name("FILE");
   command
       ->add_option("--start", options->start,

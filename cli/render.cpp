@@ -1,3 +1,4 @@
+#include "options/angiography_options.hpp"
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
 #include "options/motion_options.hpp"
@@ -14,6 +15,7 @@
 #include "xraycast/geometry/moved_vessels.hpp"
 #include "xraycast/projection/projection_file.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/map_motion.hpp"
 #include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/session_map.hpp"
 #include "xraycast/scene/vessels.hpp"
@@ -36,6 +38,7 @@ struct RenderArguments {
   SceneOptions scene;
   MotionOptions motion;
   std::vector<std::string> road_map_phases;
+  SubtractionOptions subtraction;
   std::optional<std::string> look, compositing, reconstruction;
   std::optional<double> wall_radius_mm;
   bool full_contrast = false, annotations = false;
@@ -131,22 +134,6 @@ MotionRequest motion_request(const RenderArguments& options, const BodyMap& map)
   return request;
 }
 
-/// By which the vessels in a map that moves do: the one that is given, else the one by which the map was
-/// cast; none where that is not there any more.
-std::shared_ptr<const Motion> motion_of_map(const RenderArguments& options, const BodyMap& map,
-                                            const Invocation& program) {
-  const fs::path file = options.motion.motion.empty() ? map.keys->motion : fs::path(options.motion.motion);
-  if (options.motion.motion.empty() && !fs::exists(file)) {
-    program.say(
-        {"the vessels stay where they are at phase 0 of the map's motion; give --motion, by which it was "
-         "cast, to move them too"});
-    return nullptr;
-  }
-  auto motion = std::make_shared<const Motion>(read_motion(file));
-  program.say(motion->warnings());
-  return motion;
-}
-
 /// A road map shows the vessels as they were when it was taken, whatever the body does since.
 VesselTree road_map_of(const ViewSession& session, const RenderArguments& options,
                        const Invocation& program) {
@@ -181,7 +168,7 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
           {"the map shows the body at an instant of its motion, and the vessels are drawn as they are; give "
            "--motion and --phase if they are at rest"});
     scene.vessels = moved(read_vessels(session.vessels, session.contrast_mg_ml), motion.held, vessels, notes);
-    if (map->keys) scene.motion = motion_of_map(options, *map, program);
+    scene.motion = motion_of(*map, options.motion.motion, notes);
     program.say(notes);
     program.say(
         notes_on_place(scene.vessels->mesh.points_mm, bounds_of(map->geometry), session.vessels.string()));
@@ -234,6 +221,12 @@ std::vector<std::vector<double>> phases_of_frames(const RenderArguments& options
   return phases;
 }
 
+/// Of --look dsa of a map that moves.
+std::optional<MaskMatching> masks_of(const RenderArguments& options, const BodyMap& map) {
+  check_subtraction(options.subtraction, options.look == "dsa", "");
+  return matching_of(options.subtraction, map.keys ? &map.keys->phases().rhythm() : nullptr);
+}
+
 void draw(MapAcquisition& frames, std::span<const View> views, std::span<const std::vector<double>> phases,
           FrameFile& file, Progress& progress) {
   progress.begin("drawing", std::ssize(views), "frames");
@@ -284,6 +277,7 @@ void render(const RenderArguments& options, Invocation& invocation) {
   Renderer renderer;
   MapAcquisition frames(renderer, read_scene(scene, map, motion, options, invocation), picture,
                         views.front());
+  if (const auto masks = masks_of(options, *map)) frames.hold_masks(*masks);
   const Stopwatch stopwatch;
   FrameFile file(options.output,
                  {.is_cine = options.is_cine(), .most_frames = std::ssize(views), .frame_s = frame_s}, view,
@@ -409,6 +403,7 @@ void add_render(CLI::App& app, Invocation& invocation) {
                        "cine are removed")
           ->type_name("FROM:TO:STEP");
   add_instant_options(*command, options->motion);
+  add_mask_phase_option(*command, options->subtraction);
   command
       ->add_option(
           "--seconds", options->seconds,

@@ -142,30 +142,31 @@ std::string seg_note(const ScanInfo& scan, const std::string& why_none) {
 void report_vessels(const Vessels& found, const ScanInfo& scan, const SegmentArguments& options,
                     double total_ms, const Invocation& invocation) {
   const fs::path folder = options.folder;
-  const auto& [mask, fill, centrelines, surface, log, weak_fraction, notes] = found;
+  const Centrelines& centrelines = found.centrelines;
+  const SegmentLog& log = found.log;
   const std::string why_none = why_no_seg(scan);
-  invocation.say(notes);
+  invocation.say(found.notes);
   invocation.report({{"input", options.input},
                      {"folder", options.folder},
                      {"seg", why_none.empty() ? Json((folder / kVesselSegFile).string()) : Json()},
                      {"no_seg", why_none.empty() ? Json() : Json(why_none)},
-                     {"voxels", mask.count()},
-                     {"lumen_mm3", fill.volume_mm3()},
+                     {"voxels", found.mask.count()},
+                     {"lumen_mm3", found.fill.volume_mm3()},
                      {"evidence", log.scale ? Json{{"lumen_hu", log.scale->lumen_hu},
                                                    {"noise_hu", log.scale->noise_hu},
                                                    {"blur_vox", log.scale->blur_vox}}
                                             : Json()},
                      {"window_hu", log.window ? Json{log.window->low_hu, log.window->high_hu} : Json()},
                      {"noise_hu", log.noise_hu},
-                     {"weak_share", weak_fraction},
+                     {"weak_share", found.weak_fraction},
                      {"branches", centrelines.tree.branches().size()},
                      {"loops", centrelines.loops},
                      {"gaps_mm", centrelines.gaps_mm},
                      {"parts_left_out", centrelines.parts_left_out},
-                     {"triangles", surface.triangles.size()},
+                     {"triangles", found.surface.triangles.size()},
                      {"timings_ms", {{"total", total_ms}}}},
                     fmt::format("{}: {}{}, {} triangles, {:.0f} ms; check {}\n{}", options.folder,
-                                counts_of(centrelines), linked(centrelines), surface.triangles.size(),
+                                counts_of(centrelines), linked(centrelines), found.surface.triangles.size(),
                                 total_ms, (folder / "report.png").string(), seg_note(scan, why_none)));
 }
 

@@ -1,6 +1,7 @@
 #include "options/angiography_options.hpp"
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/motion_options.hpp"
 #include "options/run_options.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
@@ -77,6 +78,13 @@ PictureOptions picture_of(const SimulateArguments& options) {
   return picture;
 }
 
+/// The same in a body that moves, at whose phases masks are taken.
+PictureOptions picture_with_masks(const SimulateArguments& options, const BodyRequest& body) {
+  PictureOptions picture = picture_of(options);
+  picture.acquisition.mask_matching = matching_of(options.subtraction, body.motion.get());
+  return picture;
+}
+
 View view_of(const SimulateArguments& options, const BodyBounds& bounds) {
   View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
   view.centre_mm = isocentre_mm(options.view, bounds);
@@ -95,11 +103,11 @@ class Cine {
     const BodyBounds bounds = bounds_of(map->geometry);
     invocation.say(notes_on_place(tree, bounds, options.tree));
     const RunCine::Options cine{.view = view_of(options, bounds),
-                                .picture = picture_of(options),
+                                .picture = picture_with_masks(options, request.body),
                                 .injection = parse_injection(options.injection),
                                 .blood = {.heart_rate_bpm = parse_heart_rate(options.injection)},
-                                .motion = request.motion};
-    if (request.motion && !map->keys)
+                                .body = request.body};
+    if (request.body.motion && !map->keys)
       invocation.say(
           {"the map of --cine stands still; one by `xraycast cast --motion` without --phase and --time "
            "moves with the run"});
@@ -109,6 +117,7 @@ class Cine {
     XaOptions xa = parse_xa(options);
     xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
     xa.is_subtracted = acquisition.subtracts;
+    if (const auto& gate = request.body.gate) xa.scan_options = gate->mode == "heart" ? "EKG" : "PHY";
     if (is_xa(options.cine)) frame_of_reference_ = frame_of_reference_name(xa);
     check_dicom(cine.view, xa, options.cine, invocation);
     run_.emplace(map, tree, cine);
@@ -124,7 +133,7 @@ class Cine {
     if (file_->is_shown())
       file_->add(run_->picture());
     else
-      file_->add(run_->frame());
+      file_->add_at(run_->instant(), run_->frame());
   }
   void finish() { file_->finish(exposure(), run_->acquisition().mask_frames()); }
 
@@ -148,8 +157,8 @@ void check_cine(const SimulateArguments& options) {
       throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
     return check_not_given(*options.command,
                            {"--map", "--look", "--inject", "--injection-rate", "--injection-volume",
-                            "--iodine", "--heart-rate", "--mask-shift", "--max-opacification", "--angle",
-                            "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
+                            "--iodine", "--heart-rate", "--mask-shift", "--max-opacification", "--gate",
+                            "--angle", "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
                            "without pictures of the run; leave it out or give --cine too");
   }
   const PictureOptions picture = picture_of(options);
@@ -201,7 +210,7 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
             {"simulated_s", run.last[0].time_s},
             {"wall_s", wall_s},
             {"tip", json_of(run.last[0])}};
-  if (!run.modes.empty()) json["motion"] = request.motion->name();
+  if (!run.modes.empty()) json["motion"] = request.body.motion->name();
   for (std::size_t m = 0; m < run.modes.size(); ++m) json["phases"][run.modes[m]] = run.last[0].phases[m];
   for (std::size_t d = 1; d < run.last.size(); ++d) {
     json[fmt::format("device_model_{}", d + 1)] = request.instruments[d].name();
@@ -217,7 +226,7 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
   RunRequest request = parse_run(options.run, options.tree);
   if (!options.cine.empty()) request.injection = parse_injection(options.injection);
   invocation.say(check(request));
-  if (request.motion) invocation.say(request.motion->warnings());
+  if (request.body.motion) invocation.say(request.body.motion->warnings());
 
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
@@ -279,6 +288,8 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       "    --script both.csv -o log.csv\n"
       "  xraycast simulate vessels --device-model guidewire-014-angled --script push.csv -o log.csv \\\n"
       "    --motion thorax-motion/motion.json --phase breath=0\n"
+      "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map moving.exr \\\n"
+      "    --cine gated.gif --motion thorax-motion/motion.json --gate heart=0.75\n"
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
       "second instrument also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
       [options, &invocation] { simulate(*options, invocation); });
@@ -294,7 +305,11 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
                    "The log: one row per row of the script, with the hub's force in N and torque in N m")
       ->required()
       ->type_name("CSV");
-  add_run_motion_options(*command, options->run);
+  add_body_options(
+      *command, options->run.body,
+      "How the body moves about the instruments: a motion.json of displacement fields, whose 0 s are "
+      "those of the script; the tree is that of the scan",
+      true);
   command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")
       ->type_name("IMAGE");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");

@@ -19,6 +19,7 @@
 #include "xraycast/reports/map_preview.hpp"
 #include "xraycast/requests/cast_request.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
+#include "xraycast/scene/map_motion.hpp"
 #include "xraycast/scene/same_scan.hpp"
 
 #include <filesystem>
@@ -136,10 +137,12 @@ MovedVesselsArguments moved_vessels_of(const HeldBody& body, const RenderArgumen
     return moved;
   }
   moved.phases = phases_at_instant(*body.map, given.phase, given.time);
-  const std::filesystem::path file =
-      given.motion.is_none() ? body.map->keys->motion : std::filesystem::path(path_of(given.motion));
-  if (has_vessels && (!given.motion.is_none() || std::filesystem::exists(file)))
-    moved.moving = std::make_shared<const Motion>(read_motion(file));
+  if (!has_vessels) return moved;
+  std::vector<std::string> notes;
+  moved.moving = motion_of(
+      *body.map,
+      given.motion.is_none() ? std::filesystem::path() : std::filesystem::path(path_of(given.motion)), notes);
+  warn(notes);
   return moved;
 }
 

@@ -4,6 +4,7 @@
 #include "run.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/motion/body_clock.hpp"
 
 #include <fmt/ranges.h>
 
@@ -58,7 +59,7 @@ class HeldInstruments {
       for (std::size_t d = 0; d < count(); ++d)
         poses[d] = {starts[d].insertion_mm + share * moves.push_mm[d],
                     starts[d].rotation_rad + share * moves.turn_rad[d]};
-      instruments_.step(poses, phases_at(request_, instruments_.time_s() + instruments_.step_s()));
+      instruments_.step(poses, next_phases());
       constexpr std::chrono::milliseconds kLookInterval{50};
       if (std::chrono::steady_clock::now() - looked < kLookInterval) continue;
       const nb::gil_scoped_acquire held;
@@ -67,6 +68,16 @@ class HeldInstruments {
       looked = std::chrono::steady_clock::now();
     }
     return states_now();
+  }
+
+  /// Holds a mode of the body's motion where it is, or lets it go on from there. Throws InputError for a body
+  /// without such a mode.
+  void hold(const std::string& mode, bool is_held) {
+    const auto lock = locked();
+    if (!request_.body.motion) throw InputError("mode {}: the body is still; give a motion", excerpt(mode));
+    BodyClock clock = clock_ ? *clock_ : clock_now();
+    is_held ? clock.hold(mode) : clock.release(mode);
+    clock_ = std::move(clock);
   }
 
   std::vector<State> states() {
@@ -141,6 +152,20 @@ class HeldInstruments {
     return std::unique_lock(mutex_);
   }
 
+  /// Of the body's modes, after the next step.
+  std::vector<double> next_phases() {
+    if (!clock_) return phases_at(request_.body, instruments_.time_s() + instruments_.step_s());
+    clock_->advance(instruments_.step_s());
+    return clock_->phases();
+  }
+
+  BodyClock clock_now() const {
+    BodyClock clock(*request_.body.motion, request_.body.speed * instruments_.time_s());
+    clock.set_speed(request_.body.speed);
+    for (const auto& [mode, phase] : request_.body.phase) clock.hold(mode, phase);
+    return clock;
+  }
+
   std::vector<State> states_now() const {
     std::vector<State> states;
     for (const RunRecord& record : records_of(instruments_, instruments_.time_s()))
@@ -157,8 +182,9 @@ class HeldInstruments {
   RunRequest request_;
   std::mutex shown_mutex_;
   std::vector<Shown> shown_;
-  std::mutex mutex_;    ///< of the instruments
-  Stepper stepping_{};  ///< the thread that steps
+  std::mutex mutex_;                ///< of the instruments
+  Stepper stepping_{};              ///< the thread that steps
+  std::optional<BodyClock> clock_;  ///< of the body, once a mode was held
   Instruments instruments_;
 };
 
@@ -302,6 +328,16 @@ void exchange_instrument(HeldInstruments& instruments, int instrument, const Pat
   instruments.exchange(number, InstrumentModel::named(name));
 }
 
+constexpr const char* kHoldHelp =
+    "Holds a mode of the body's motion where it is, such as the breath, or with is_held=False lets it go on "
+    "from "
+    "there.";
+
+void hold_mode(HeldInstruments& instruments, const std::string& mode, bool is_held) {
+  const nb::gil_scoped_release released;
+  instruments.hold(mode, is_held);
+}
+
 void add_instruments(nb::module_& module) {
   nb::class_<HeldInstruments>(
       module, "CoaxialInstruments",
@@ -315,6 +351,7 @@ void add_instruments(nb::module_& module) {
            nb::arg("ms") = 1,
            "Moves each hub by its numbers in push_mm and turn_deg, evenly over `ms` steps of 1 ms, and "
            "returns a CatheterState for each instrument.")
+      .def("hold", hold_mode, nb::arg("mode"), nb::arg("is_held") = true, kHoldHelp)
       .def_prop_ro("states", &HeldInstruments::states, nb::call_guard<nb::gil_scoped_release>())
       .def("nodes_mm", nodes_of, nb::arg("instrument"), kShared,
            "An instrument from the introducer to its tip, (nodes, 3) float64, mm, LPS; a new array.")
@@ -370,6 +407,10 @@ void add_catheter(nb::module_& module) {
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
            "Moves the hub by push_mm and turn_deg, evenly over `ms` steps of 1 ms, and returns the "
            "CatheterState.")
+      .def(
+          "hold",
+          [](HeldCatheter& c, const std::string& mode, bool is_held) { hold_mode(c.held, mode, is_held); },
+          nb::arg("mode"), nb::arg("is_held") = true, kHoldHelp)
       .def_prop_ro(
           "state", [](HeldCatheter& c) { return c.held.states().front(); },
           nb::call_guard<nb::gil_scoped_release>())

@@ -171,13 +171,13 @@ std::vector<double> phases_at_instant(const BodyMap& map, const nb::object& phas
   return {};
 }
 
-MotionOfRun motion_of_run(const nb::object& motion, const nb::object& phase) {
-  MotionOfRun of_run{nullptr, phases_of(phase)};
-  if (motion.is_none()) return of_run;
+BodyRequest body_request_of(const nb::object& motion, const nb::object& phase) {
+  BodyRequest request{.phase = phases_of(phase)};
+  if (motion.is_none()) return request;
   const std::string file = path_of(motion);
-  of_run.motion =
+  request.motion =
       result_of(nb::none(), [&](Progress&) { return std::make_shared<const Motion>(read_motion(file)); });
-  return of_run;
+  return request;
 }
 
 HeldScan moved_scan(const HeldScan& scan, const MotionRequest& request, Progress& progress) {

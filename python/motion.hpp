@@ -4,6 +4,7 @@
 #include "calls/values.hpp"
 #include "scan.hpp"
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/motion/body_request.hpp"
 #include "xraycast/motion/motion_request.hpp"
 
 #include <map>
@@ -28,13 +29,9 @@ std::map<std::string, int> keys_of(const nb::object& keys);
 /// Throws InputError where the map stands still and an instant is given.
 std::vector<double> phases_at_instant(const BodyMap& map, const nb::object& phase, const nb::object& time);
 
-/// How the body moves in a run, and its modes that are held there; see RunRequest.
-struct MotionOfRun {
-  std::shared_ptr<const Motion> motion;
-  std::map<std::string, double> phase;
-};
-/// `motion` and `phase` as they were given; each may be None. Throws InputError as read_motion.
-MotionOfRun motion_of_run(const nb::object& motion, const nb::object& phase);
+/// How the body moves in a run, by `motion` and `phase` as they were given; each may be None. Throws
+/// InputError as read_motion.
+BodyRequest body_request_of(const nb::object& motion, const nb::object& phase);
 
 /// The scan at that instant, with its own and the motion's warnings.
 HeldScan moved_scan(const HeldScan& scan, const MotionRequest& request, Progress& progress);

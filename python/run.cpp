@@ -160,12 +160,10 @@ RunRequest run_of(const HeldTree& tree, const nb::object& instruments, const nb:
   std::vector<std::string> names;
   for (const nb::handle instrument : instruments)
     names.push_back(instrument_name(instrument, fmt::format("{}[{}]", name, names.size())));
-  MotionOfRun moves = motion_of_run(motion, phase);
   RunRequest request{.tree = tree.tree,
                      .instruments = instruments_named(names),
                      .entry = entry_choice(entry),
-                     .motion = std::move(moves.motion),
-                     .phase = std::move(moves.phase)};
+                     .body = body_request_of(motion, phase)};
   check(request);
   return request;
 }

@@ -1,5 +1,6 @@
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/motion_options.hpp"
 #include "options/run_options.hpp"
 #include "options/scene_options.hpp"
 #include "options/view_options.hpp"
@@ -9,6 +10,8 @@
 #include "xraycast/drawing/still_picture.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/network/listen_address.hpp"
+#include "xraycast/scene/map_motion.hpp"
+#include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/session_map.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/serving/igtlink_outlet.hpp"
@@ -128,6 +131,20 @@ Intervention::Options steering_of(const ServeArguments& options, const RunReques
   return steering;
 }
 
+/// By which wall, contrast agent and map move: the one that is given, else the map's.
+void add_motion(const BodyMap& map, BodyRequest& body, std::vector<std::string>& notes) {
+  if (!body.motion) {
+    body.motion = motion_of(map, {}, notes);
+    return;
+  }
+  check_same_modes(map, *body.motion);
+  notes = body.motion->warnings();
+  if (!map.keys)
+    notes.emplace_back(
+        "the map stands still; one by `xraycast cast --motion` without --phase and --time moves with the "
+        "run");
+}
+
 /// The page for browsers and its server.
 std::unique_ptr<WebOutlet> open_web(const WebServer::Options& web, ExportRequest page,
                                     const BodyBounds& bounds) {
@@ -183,7 +200,9 @@ void serve(const ServeArguments& options, Invocation& invocation) {
   const View detector = resolve_detector(options, scene, bounds);
 
   const CArmPose pose = resolve_pose(options, scene, detector);
-  const RunRequest request = parse_run(options.run, scene.vessels);
+  RunRequest request = parse_run(options.run, scene.vessels);
+  std::vector<std::string> notes_on_motion;
+  add_motion(*map, request.body, notes_on_motion);
   const std::vector<std::string> notes = check(request);
   std::optional<ExportRequest> page;
   if (web_options) {
@@ -191,6 +210,7 @@ void serve(const ServeArguments& options, Invocation& invocation) {
     check(*page);
   }
   invocation.say(notes_on_place(*request.tree, bounds, scene.vessels.string()));
+  invocation.say(notes_on_motion);
   invocation.say(notes);
   const auto server = open_server(options);
   Intervention intervention(steering_of(options, request, server));
@@ -226,7 +246,8 @@ void add_serve(CLI::App& app, Invocation& invocation) {
       "--size 640x480\n"
       "  xraycast serve map.exr --vessels vessels --device-model cobra-5f --device-model guidewire-035-j "
       "--web\n"
-      "  xraycast serve map.exr --vessels vessels --script push.csv --listen 0.0.0.0:18944",
+      "  xraycast serve map.exr --vessels vessels --script push.csv --listen 0.0.0.0:18944\n"
+      "  xraycast serve moving.exr --vessels vessels --web --motion-speed 0.5",
       [options, &invocation] { serve(*options, invocation); });
   command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
   command
@@ -242,6 +263,9 @@ void add_serve(CLI::App& app, Invocation& invocation) {
       ->check(CLI::IsMember({"openigtlink", "browser", "script", "none"}))
       ->type_name("DEVICE");
   add_script_option(*command, options->run, "A script that moves the hub (see `xraycast simulate`)");
+  add_body_options(*command, options->run.body,
+                   "How the body moves: the motion.json by which the map was cast; a map that moves names it",
+                   false);
   command
       ->add_option("--listen", options->listen,
                    "Address to listen on (default 127.0.0.1:18944); port 0: a free one, which is printed")

@@ -1,12 +1,18 @@
+#include "options/angiography_options.hpp"
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/motion_options.hpp"
 #include "options/run_options.hpp"
 #include "options/scene_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/casting/body_map.hpp"
 #include "xraycast/network/listen_address.hpp"
 #include "xraycast/window/viewer_window.hpp"
 
+#include <fmt/format.h>
+
+#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -20,6 +26,7 @@ struct ViewArguments {
   RunOptions run{.instrument_models = {"cobra-5f"}};
   std::string haptic = Intervention::Options{}.haptic, listen;
   FluoroscopeArguments fluoroscope;
+  SubtractionOptions subtraction;
   const CLI::App* command = nullptr;
 
   bool has_run() const { return simulate || !run.script.empty(); }
@@ -36,11 +43,24 @@ ViewSession resolve(const ViewArguments& options) {
 }
 
 /// The instrument to steer in a scene.
-Intervention::Options simulation_of(const ViewArguments& options, const ViewSession& scene) {
+Intervention::Options simulation_of(const ViewArguments& options, const ViewSession& scene,
+                                    const Invocation& program) {
   if (scene.vessels.empty())
     throw InputError("--simulate: give --vessels, a folder that `xraycast segment` wrote");
   if (!options.listen.empty()) for_option("--listen", [&] { return parse_listen_address(options.listen); });
-  return {.run = parse_run(options.run, scene.vessels), .haptic = options.haptic, .listen = options.listen};
+  Intervention::Options simulation{
+      .run = parse_run(options.run, scene.vessels), .haptic = options.haptic, .listen = options.listen};
+  BodyRequest& body = simulation.run.body;
+  if (body.motion) return simulation;
+  const std::filesystem::path named =
+      scene.map.empty() ? std::filesystem::path() : motion_named_by(scene.map);
+  if (std::filesystem::exists(named))
+    body.motion = std::make_shared<const Motion>(read_motion(named));
+  else if (!named.empty())
+    program.say(
+        {fmt::format("the body stays at phase 0: {}, by which the map was cast, is not there; give --motion",
+                     named.string())});
+  return simulation;
 }
 
 void view(const ViewArguments& options, const Invocation& invocation) {
@@ -51,13 +71,18 @@ void view(const ViewArguments& options, const Invocation& invocation) {
   std::optional<Intervention::Options> simulation;
   std::optional<FluoroscopyOptions> fluoroscopy = parse_fluoroscope(options.fluoroscope);
   if (options.has_run()) {
-    simulation = simulation_of(options, scene);
+    simulation = simulation_of(options, scene, invocation);
     if (!fluoroscopy) fluoroscopy = options_of({});
     // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
     if (options.session.empty()) scene.style.full_contrast = true;
   }
+  const BodyRequest body = simulation ? simulation->run.body : body_request_of(options.run.body);
+  if (body.motion) invocation.say(body.motion->warnings());
+  std::optional<MaskPhase> mask_phase;
+  if (!options.subtraction.mask_phase.empty()) mask_phase = parse_mask_phase(options.subtraction.mask_phase);
+  if (mask_phase && body.motion) matching_of(*mask_phase, *body.motion);
   const OutputSeries files;
-  run_viewer(scene, invocation.device, invocation.progress, simulation, fluoroscopy);
+  run_viewer(scene, invocation.device, invocation.progress, simulation, fluoroscopy, body, mask_phase);
   invocation.progress.check();  // a signal closed it
 }
 
@@ -71,6 +96,7 @@ void add_view(CLI::App& app, Invocation& invocation) {
       "  xraycast view --scan scans/chest/\n"
       "  xraycast view map.exr --vessels vessels --simulate --device-model simmons2-5f\n"
       "  xraycast view map.exr --vessels vessels --simulate --c-arm mobile-flat-panel --dose low\n"
+      "  xraycast view moving.exr --vessels vessels --simulate --gate heart=0.75\n"
       "  xraycast view --session operation.json",
       [options, &invocation] { view(*options, invocation); });
   options->command = command;
@@ -93,6 +119,10 @@ void add_view(CLI::App& app, Invocation& invocation) {
       ->add_option("--listen", options->listen, "openigtlink: address to listen on (default 127.0.0.1:18944)")
       ->type_name("ADDRESS:PORT");
   add_script_option(*command, options->run, "A script that moves the hub (see `xraycast simulate`)");
+  add_body_options(*command, options->run.body,
+                   "How the body moves: the motion.json by which the map was cast; a map that moves names it",
+                   false);
+  add_mask_phase_option(*command, options->subtraction);
   add_fluoroscope_options(*command, options->fluoroscope);
   command->add_option("--session", options->session, "A session saved with Ctrl+S; other options override it")
       ->type_name("FILE");

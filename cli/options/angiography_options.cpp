@@ -64,11 +64,21 @@ double parse_heart_rate(const InjectionOptions& options) {
   return bpm;
 }
 
+void add_mask_phase_option(CLI::App& command, SubtractionOptions& options) {
+  command
+      .add_option(
+          "--mask-phase", options.mask_phase,
+          "dsa, in a body that moves: matched, each exposure has the mask of its own phase of the heart; "
+          "heart=0.75, all have the mask of that phase. Without it the mask is the mean of its pulses")
+      ->type_name("matched|NAME=0..1");
+}
+
 void add_subtraction_options(CLI::App& command, SubtractionOptions& options) {
   command
       .add_option("--mask-shift", options.mask_shift,
                   "dsa: pixel shift of the mask before subtraction; fractions are allowed")
       ->type_name("RIGHT,DOWN");
+  add_mask_phase_option(command, options);
   command.add_flag("--max-opacification", options.shows_maximum_opacification,
                    "dsa: every pixel keeps its densest value so far (maximum opacification)");
 }
@@ -82,6 +92,15 @@ PixelShift parse_mask_shift(const SubtractionOptions& options) {
   return {pixels[0], pixels[1]};
 }
 
+std::optional<MaskMatching> matching_of(const SubtractionOptions& options, const Motion* motion) {
+  if (options.mask_phase.empty()) return std::nullopt;
+  const MaskPhase wanted = parse_mask_phase(options.mask_phase);
+  if (!motion)
+    throw InputError("--mask-phase {}: the body is still; give --motion too, or leave it out",
+                     options.mask_phase);
+  return matching_of(wanted, *motion);
+}
+
 void check_subtraction(const SubtractionOptions& options, bool subtracts, const std::string& file) {
   const auto check = [&](bool is_given, const char* option) {
     if (!is_given) return;
@@ -91,6 +110,7 @@ void check_subtraction(const SubtractionOptions& options, bool subtracts, const 
                        option, file);
   };
   check(!options.mask_shift.empty(), "--mask-shift");
+  check(!options.mask_phase.empty(), "--mask-phase");
   check(options.shows_maximum_opacification, "--max-opacification");
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/acquisition/phase_masks.hpp"
 #include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/simulation/injection.hpp"
 
@@ -27,14 +28,21 @@ double parse_heart_rate(const InjectionOptions& options);
 
 /// --mask-shift and --max-opacification, as given.
 struct SubtractionOptions {
-  std::string mask_shift;
+  std::string mask_shift, mask_phase;
   bool shows_maximum_opacification = false;
 };
 
 void add_subtraction_options(CLI::App& command, SubtractionOptions& options);
 
+/// --mask-phase alone.
+void add_mask_phase_option(CLI::App& command, SubtractionOptions& options);
+
 /// RIGHT,DOWN; no shift for an empty text. Throws InputError.
 PixelShift parse_mask_shift(const SubtractionOptions& options);
+
+/// --mask-phase, given in a body that moves by that motion; none where it was not given. Throws InputError,
+/// also for a null motion.
+std::optional<MaskMatching> matching_of(const SubtractionOptions& options, const Motion* motion);
 
 /// Throws InputError for an option that does not apply: to another look than dsa, or to a file that holds
 /// what is not yet subtracted.

@@ -61,8 +61,8 @@ void check_outputs_apart(const CLI::App& command) {
 }
 
 /// Lists that repeated options fill.
-constexpr std::array<std::pair<std::string_view, const char*>, 3> kRepeated{
-    {{"instruments", "device-model"}, {"not_vessels", "not"}, {"seeds", "seed"}}};
+constexpr std::array<std::pair<std::string_view, const char*>, 4> kRepeated{
+    {{"instruments", "device-model"}, {"labels", "label"}, {"not_vessels", "not"}, {"seeds", "seed"}}};
 
 /// The option that sets a field of a request: `offset_hu` is --offset-hu, `radius_mm` is --radius. That of
 /// another command where this one has none, as for how to cast the map of a page; empty where none has.

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <memory>
+
 namespace xraycast::cli {
 
 void add_motion_options(CLI::App& command, MotionOptions& options, const std::string& taken) {
@@ -36,6 +38,39 @@ void add_instant_options(CLI::App& command, MotionOptions& options) {
   command.add_option("--time", options.time_s, "Instead: the phases of all modes at a time in seconds")
       ->excludes(phase)
       ->type_name("S");
+}
+
+void add_body_options(CLI::App& command, BodyOptions& options, const std::string& motion, bool needs_motion) {
+  CLI::Option* file = command.add_option("--motion", options.motion, motion)->type_name("FILE");
+  CLI::Option* phase =
+      command
+          .add_option(
+              "--phase", options.phases,
+              "A mode of the motion that is held, and its phase, 0 to 1; the others go on. Repeat it for "
+              "several modes")
+          ->allow_extra_args(false)
+          ->type_name("NAME=0..1");
+  CLI::Option* gate =
+      command
+          .add_option(
+              "--gate", options.gate,
+              "Exposures wait for this phase of a mode, as by an ECG trigger: heart=0.75 is late in the "
+              "beat, when the heart rests")
+          ->type_name("NAME=0..1");
+  CLI::Option* speed = command
+                           .add_option("--motion-speed", options.speed,
+                                       "How fast the body moves: 2 breathes and beats twice as fast")
+                           ->capture_default_str()
+                           ->type_name("FACTOR");
+  if (needs_motion)
+    for (CLI::Option* option : {phase, gate, speed}) option->needs(file);
+}
+
+BodyRequest body_request_of(const BodyOptions& options) {
+  BodyRequest request{.phase = parse_phases(options.phases), .speed = options.speed};
+  if (!options.gate.empty()) request.gate = parse_gate(options.gate);
+  if (!options.motion.empty()) request.motion = std::make_shared<const Motion>(read_motion(options.motion));
+  return request;
 }
 
 std::map<std::string, double> parse_phases(const std::vector<std::string>& texts) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "options/command.hpp"
+#include "xraycast/motion/body_request.hpp"
 #include "xraycast/motion/key_phases.hpp"
 #include "xraycast/motion/motion_request.hpp"
 
@@ -24,6 +25,20 @@ void add_motion_options(CLI::App& command, MotionOptions& options,
 
 /// --phase and --time of a map that moves.
 void add_instant_options(CLI::App& command, MotionOptions& options);
+
+/// --motion, --phase, --gate and --motion-speed of a body that moves while time passes, as given.
+struct BodyOptions {
+  std::string motion{};
+  std::vector<std::string> phases{};
+  std::string gate{};
+  double speed = 1;
+};
+
+/// `motion` is the help of --motion; the others may be given without it where a map names its motion.
+void add_body_options(CLI::App& command, BodyOptions& options, const std::string& motion, bool needs_motion);
+
+/// Reads the motion; not checked yet. Throws InputError.
+BodyRequest body_request_of(const BodyOptions& options);
 
 /// `NAME=0..1` of modes, each once. Throws InputError naming --phase.
 std::map<std::string, double> parse_phases(const std::vector<std::string>& texts);

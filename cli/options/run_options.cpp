@@ -1,7 +1,6 @@
 #include "options/run_options.hpp"
 
 #include "options/command.hpp"
-#include "options/motion_options.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <fmt/format.h>
@@ -68,30 +67,13 @@ CLI::Option* add_script_option(CLI::App& command, RunOptions& options, const std
   return command.add_option("--script", options.script, purpose)->type_name("CSV");
 }
 
-void add_run_motion_options(CLI::App& command, RunOptions& options) {
-  CLI::Option* motion =
-      command
-          .add_option("--motion", options.motion,
-                      "How the body moves about the instruments: a motion.json of displacement fields, whose "
-                      "0 s are those of the script; the tree is that of the scan")
-          ->type_name("FILE");
-  command
-      .add_option("--phase", options.phases,
-                  "A mode of the motion that is held, and its phase, 0 to 1; the others go on. Repeat it for "
-                  "several modes")
-      ->needs(motion)
-      ->allow_extra_args(false)
-      ->type_name("NAME=0..1");
-}
-
 RunRequest parse_run(const RunOptions& options, const std::filesystem::path& vessels) {
   RunRequest request{.instruments = instruments_named(options.instrument_models),
                      .entry = parse_entry(options.entry)};
   check_instruments(request.instruments);  // before a script is read that may be for others
   if (!options.script.empty()) request.script = Script::read(options.script, request.instruments.size());
   request.tree = std::make_shared<const VesselTree>(read_tree(vessels));
-  if (!options.motion.empty()) request.motion = std::make_shared<const Motion>(read_motion(options.motion));
-  request.phase = parse_phases(options.phases);
+  request.body = body_request_of(options.body);
   return request;
 }
 

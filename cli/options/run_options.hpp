@@ -1,5 +1,6 @@
 #pragma once
 
+#include "options/motion_options.hpp"
 #include "xraycast/simulation/run.hpp"
 
 #include <CLI/CLI.hpp>
@@ -14,8 +15,7 @@ namespace xraycast::cli {
 struct RunOptions {
   std::vector<std::string> instrument_models{};
   std::string entry{}, script{};
-  std::string motion{};
-  std::vector<std::string> phases{};
+  BodyOptions body{};
 };
 
 /// --device-model, which repeats, the outermost instrument first, and --entry: the instruments and their
@@ -24,9 +24,6 @@ void add_coaxial_options(CLI::App& command, RunOptions& options);
 
 /// --script
 CLI::Option* add_script_option(CLI::App& command, RunOptions& options, const std::string& purpose);
-
-/// --motion, and --phase of modes that are held.
-void add_run_motion_options(CLI::App& command, RunOptions& options);
 
 /// The run in the tree of `vessels`, a file or a folder. --entry is a branch's number, or X,Y,Z in mm (LPS);
 /// empty for the default. Throws InputError.

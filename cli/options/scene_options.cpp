@@ -8,8 +8,9 @@ namespace xraycast::cli {
 
 void add_scene_options(CLI::App& command, SceneOptions& options) {
   command
-      .add_option("--vessels", options.vessels,
-                  "Vessels inside the body: a surface (.vtp, .stl), or a folder that holds one")
+      .add_option(
+          "--vessels", options.vessels,
+          "Vessels inside the body: a surface (.vtp, .stl, .vtk, .obj, .ply), or a folder that holds one")
       ->type_name("DIR|FILE");
   command
       .add_option(

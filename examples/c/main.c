@@ -1,6 +1,8 @@
-/* Pushes a wire and a catheter over it up an artery that forks, and prints what the hand feels. */
+/* Pushes a wire and a catheter over it up an artery that forks, and prints what the hand feels. Where a
+ * motion.json is named, the body moves about them, and holds its breath half way. */
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <xraycast/c/simulation.h>
 
 static void check(xrc_status status) {
@@ -9,7 +11,14 @@ static void check(xrc_status status) {
   exit(status);
 }
 
-int main(void) {
+static int has_mode(const xrc_simulation* simulation, const char* wanted) {
+  const char* name;
+  for (size_t m = 0; xrc_get_mode(simulation, m, &name) == XRC_OK; ++m)
+    if (strcmp(name, wanted) == 0) return 1;
+  return 0;
+}
+
+int main(int argc, char** argv) {
   /* x, y, z and radius in mm: z grows towards the head, x to the patient's left. */
   static const double trunk[] = {0, 0, 0, 4, 0, 0, 60, 5, 0, 0, 120, 6};
   static const double left[] = {0, 0, 120, 6, 8, 0, 150, 5, 12, 0, 220, 5};
@@ -19,12 +28,15 @@ int main(void) {
   const xrc_setup setup = {
       .branches = branches, .branch_count = 3, .instruments = instruments, .instrument_count = 2};
 
+  const xrc_body body = {.motion_file = argc > 1 ? argv[1] : NULL};
+
   xrc_simulation* simulation;
-  check(xrc_create(&setup, &simulation));
+  check(argc > 1 ? xrc_create_moving(&setup, &body, &simulation) : xrc_create(&setup, &simulation));
   xrc_hub hubs[2] = {{0, 0}, {0, 0}};
   for (int step = 0; step < 2000; ++step) { /* of a millisecond */
     hubs[0].insertion_mm += 0.05;           /* the catheter at 50 mm/s, the wire at 80 mm/s */
     hubs[1].insertion_mm += 0.08;
+    if (step == 1000 && has_mode(simulation, "breath")) check(xrc_hold(simulation, "breath"));
     check(xrc_step(simulation, hubs, 2));
   }
 

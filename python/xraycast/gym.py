@@ -70,9 +70,9 @@ def _checked_view(body, view):
 
 class _Fluoroscope:
     """A C-arm that stays where it is: its picture of the body, to which the instruments are added. Its field is fitted to the
-    points of a tree where it is not given."""
+    points of a tree where it is not given. A map that moves does so by `modes`, the names of the motion's."""
 
-    def __init__(self, body, points_mm, *, pixel_mm, centre_mm, **view):
+    def __init__(self, body, points_mm, modes, *, pixel_mm, centre_mm, **view):
         draw = body.render if hasattr(body, "render") else body.project
         if centre_mm is None:
             centre_mm = tuple((points_mm.min(0) + points_mm.max(0)) / 2)
@@ -80,8 +80,17 @@ class _Fluoroscope:
             probe = draw(cone_mm=CONE_MM, pixel_mm=1, centre_mm=centre_mm, **view)
             reach = np.abs(project_points(points_mm, probe.K, probe.RT)[:, :2] - probe.K[:2, 2]).max(0)
             pixel_mm = float(MARGIN * max(2 * reach / probe.shape[::-1]))
-        self.frame = draw(cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=centre_mm, **view)
+        self.modes = modes if getattr(body, "modes", {}) else []
+        if self.modes and list(body.modes) != self.modes:
+            raise InputError(f"body: moves by {', '.join(body.modes)}, the motion by {', '.join(self.modes)}; give that of the body")
+        self.draw = lambda **instant: draw(cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=centre_mm, **view, **instant)
+        self.frame = self.draw()
         self.mm_per_pixel = pixel_mm * CONE_MM[0] / CONE_MM[1]
+
+    def move(self, phases):
+        """To an instant of a body that moves."""
+        if self.modes:
+            self.frame = self.draw(phase=dict(zip(self.modes, phases)))
 
     def use(self, instrument):
         """How much darker than it is an instrument must be to be seen, and limits that leave room for it in the darkest part."""
@@ -120,15 +129,18 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     max_steps: the number of steps after which an episode is truncated.
     body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as in its render or
     project, but the field fits the tree by default. An instrument that would hardly be seen is drawn darker than it is.
-    motion, phase: as of Catheter: the body moves about the instrument, but not in frames, where a wire in a moving vessel
-    moves over a still picture.  observe_phases: observations without a body have the phase of each mode too, at their end.
+    motion, phase: as of Catheter: the body moves about the instrument, at the time of the episode, and so do frames of a body
+    that is a map that moves by the same modes (Scan.cast with motion alone); those of any other body stand still.
+    observe_phases: observations without a body have the phase of each mode too, at their end.
+    breath_hold: actions have a third number, above 0 to hold the mode `breath` of the motion where it is.
 
-    Action, (2,) float32 in [-1, 1]: push and turn at the hub.
+    Action, (2,) float32 in [-1, 1]: push and turn at the hub; (3,) with breath_hold.
     Observation, (36,) float32, mm: the tip (x, y, z; where it is in the scan), its direction (3, of length 1), 8 points on the way to the
     target, 5 mm apart, as seen from the tip (24), the way's length, the insertion, the cosine and sine of the hub's
     rotation, and at the hub the force in N and the torque in N mm.
     Observation with a body, (rows, columns, 2) uint8: the fluoroscopic frame, and the road map: 255 on the way from where
-    the catheter entered to the target.
+    the catheter entered to the target, as it was taken when the episode began.
+    Info: target, left_mm: the way's length; and with a motion phases, a dict of its modes.
     Reward: the millimetres by which the way became shorter, less 0.1 per step, and 100 at the target: within 5 mm of
     its end, which also ends the episode.
 
@@ -140,31 +152,36 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
 
     def __init__(self, tree, model="cobra-5f", target=None, *, entry=None, ms=10, max_push_mm=2.0, max_turn_deg=10.0,
                  max_steps=2000, body=None, lao=0.0, cranial=0.0, size=(128, 128), pixel_mm=None, centre_mm=None,
-                 motion=None, phase=None, observe_phases=False):
+                 motion=None, phase=None, observe_phases=False, breath_hold=False):
         gymnasium.utils.EzPickle.__init__(self, tree, model, target, entry=entry, ms=ms, max_push_mm=max_push_mm,
                                           max_turn_deg=max_turn_deg, max_steps=max_steps, body=body, lao=lao,
                                           cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm,
-                                          motion=motion, phase=phase, observe_phases=observe_phases)
+                                          motion=motion, phase=phase, observe_phases=observe_phases,
+                                          breath_hold=breath_hold)
         view = _checked_view(body, dict(lao=lao, cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm))
         self.vessels = tree if isinstance(tree, VesselTree) else VesselTree.read(tree)
         self.tree, self.model, self.entry = _Tree(self.vessels), model, entry
         if target is not None and target not in self.tree.leaves:
             raise InputError(f"target {target}: is not a leaf of the tree; give one of {self.tree.leaves}")
         self.motion = {"motion": motion, "phase": phase}
+        self.modes = [] if motion is None else list(Motion.read(motion).modes)
+        self.holds_breath = breath_hold
+        if breath_hold and "breath" not in self.modes:
+            raise InputError("breath_hold: applies to a motion with a mode `breath`; give one, or leave it out")
         self.observes_phases = observe_phases
         if observe_phases and (motion is None or body is not None):
             raise InputError("observe_phases: applies to a motion without a body; give a motion, or leave it out")
         self.target_given, self.ms, self.max_steps = target, ms, max_steps
         self.scale = np.array([max_push_mm, max_turn_deg])
-        self.action_space = gymnasium.spaces.Box(-1, 1, (2,), np.float32)
+        self.action_space = gymnasium.spaces.Box(-1, 1, (3 if breath_hold else 2,), np.float32)
         self.fluoroscope = None
         if body is not None:
-            self.fluoroscope = _Fluoroscope(body, np.vstack(self.tree.branches), **view)
+            self.fluoroscope = _Fluoroscope(body, np.vstack(self.tree.branches), self.modes, **view)
             self._check_targets_are_seen()
         if self.fluoroscope:
             self.observation_space = gymnasium.spaces.Box(0, 255, (*self.fluoroscope.frame.shape, 2), np.uint8)
         else:
-            phases = len(Motion.read(motion).modes) if observe_phases else 0
+            phases = len(self.modes) if observe_phases else 0
             self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6 + phases,), np.float32)
 
     def _check_targets_are_seen(self):
@@ -183,12 +200,16 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         self.steps = 0
         way, arcs = self._look_ahead(self.run.state)
         if self.fluoroscope:
+            self.fluoroscope.move(self.run.state.phases)
             self.fluoroscope.use(self.run.shape)
             self.road_map = self.fluoroscope.road_map(way, arcs)
         return self._observe(self.run.state), self._info()
 
     def step(self, action):
-        push_mm, turn_deg = np.clip(np.asarray(action, dtype=np.float64), -1, 1) * self.scale
+        action = np.clip(np.asarray(action, dtype=np.float64), -1, 1)
+        push_mm, turn_deg = action[:2] * self.scale
+        if self.holds_breath:
+            self.run.hold("breath", bool(action[2] > 0))
         before_mm = self.left_mm
         state = self.run.step(push_mm=float(push_mm), turn_deg=float(turn_deg), ms=self.ms)
         self.steps += 1
@@ -207,6 +228,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     def _observe(self, state):
         way, arcs = self._look_ahead(state)
         if self.fluoroscope:
+            self.fluoroscope.move(state.phases)
             return np.stack([self.fluoroscope.picture(self.run.shape), self.road_map], axis=-1)
         tip = np.array(state.tip_scan_mm)
         marks = AHEAD_MM * np.arange(1, AHEAD + 1)
@@ -219,4 +241,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         return np.array(values, dtype=np.float32)
 
     def _info(self):
-        return {"target": self.target, "left_mm": self.left_mm}
+        info = {"target": self.target, "left_mm": self.left_mm}
+        if self.modes:
+            info["phases"] = dict(zip(self.modes, self.run.state.phases))
+        return info

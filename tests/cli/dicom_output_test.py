@@ -279,6 +279,36 @@ class DicomOutput(unittest.TestCase):
         self.assertEqual((status, told.count("\n")), (3, 1), told)
         self.assertIn("--patient does not apply", told)
 
+    def test_a_gated_run_has_the_times_of_its_frames_and_the_r_waves(self):
+        folder, script = self.folder, self.folder / "slow.csv"
+        run("phantom", "thorax", "-o", folder / "rest.nrrd", "--size", "48x48x60", "--truth", folder / "rest", "--motion", folder / "motion")
+        run("cast", folder / "rest.nrrd", "-o", folder / "moving.exr", "--layers", 2, "--angles", 60, "--motion", folder / "motion/motion.json",
+            "--keys", "breath=2", "--keys", "heart=4")
+        script.write_text("time_s,insertion_mm,rotation_deg\n0,0,0\n3,30,0\n")
+        words = ("simulate", folder / "rest", "--device-model", "cobra-5f", "--script", script, "-o", folder / "slow.log", "--map",
+                 folder / "moving.exr", "--motion", folder / "motion/motion.json", "--size", "64x48")
+        beat_ms = 60000 / 70  # the phantom's
+        gated, free = folder / "gated.dcm", folder / "free.dcm"
+        run(*words, "--cine", gated, "--gate", "heart=0.75")
+        run(*words, "--cine", free)
+        self.expect_valid(gated, free)
+        data = pydicom.dcmread(gated)
+        self.assertEqual(data.NumberOfFrames, 3, "at three quarters of the first beat, and of the two after")
+        self.assertEqual(data.FrameIncrementPointer, 0x00181065)
+        self.assertNotIn("FrameTime", data)
+        times = [float(step) for step in data.FrameTimeVector]
+        self.assertEqual(times[0], 0)
+        for step in times[1:]:
+            self.assertAlmostEqual(step, beat_ms, delta=1.01)  # a step of the run
+        self.assertEqual(data.ScanOptions, "EKG")
+        self.assertEqual(data[0x0028, 0x6040].value, [2, 3], "the R wave at 0 s is before the first frame")
+        data = pydicom.dcmread(free)
+        self.assertEqual((data.FrameIncrementPointer, data.FrameTime), (0x00181063, 100))
+        self.assertNotIn("FrameTimeVector", data)
+        self.assertNotIn("ScanOptions", data)
+        # R waves at 0.857, 1.714 and 2.571 s: in the frames at 0.9, 1.8 and 2.6 s, of which the first is at 0.
+        self.assertEqual(data[0x0028, 0x6040].value, [10, 19, 27])
+
     def test_the_frame_of_reference_is_the_scans_where_it_is_known(self):
         scans = pydicom.dcmread(next(self.series().iterdir())).FrameOfReferenceUID
         body_map, recast, file = (self.folder / name for name in ("dicom.exr", "recast.exr", "framed.dcm"))

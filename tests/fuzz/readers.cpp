@@ -10,6 +10,7 @@
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/casting/key_maps.hpp"
+#include "xraycast/centrelines/tree_of_lines.hpp"
 #include "xraycast/fluoroscope/c_arm.hpp"
 #include "xraycast/geometry/curved_axis.hpp"
 #include "xraycast/geometry/mesh.hpp"
@@ -185,6 +186,103 @@ VesselTree tree() {
 
 void write_vessel_tree(const fs::path& path) { write_tree(tree(), path); }
 void write_surface(const fs::path& path) { write_mesh(tube_mesh(tree(), 3), path); }
+
+/// Of faces that name textures, and one of four corners.
+void write_obj_surface(const fs::path& path) {
+  const Mesh mesh = tube_mesh(tree(), 3);
+  std::string text = "# a tube\nmtllib a.mtl\n";
+  for (const glm::vec3& p : mesh.points_mm) text += fmt::format("v {} {} {}\n", p.x, p.y, p.z);
+  text += "vt 0 0\nf -1 -2 -3 -4\n";
+  for (const auto& [a, b, c] : mesh.triangles) text += fmt::format("f {}/1 {}/1 {}/1\n", a + 1, b + 1, c + 1);
+  write_bytes(path, text);
+}
+
+/// With colours, and lists of texture coordinates.
+template <bool is_text>
+void write_ply_surface(const fs::path& path) {
+  const Mesh mesh = tube_mesh(tree(), 3);
+  std::string bytes = fmt::format(
+      "ply\nformat {} 1.0\ncomment a tube\nelement vertex {}\nproperty float x\nproperty float y\n"
+      "property float z\nproperty uchar red\nelement face {}\nproperty list uchar int vertex_indices\n"
+      "property list uchar short texcoord\nend_header\n",
+      is_text ? "ascii" : "binary_little_endian", mesh.points_mm.size(), mesh.triangles.size());
+  for (const glm::vec3& p : mesh.points_mm)
+    bytes += is_text ? fmt::format("{} {} {} 255\n", p.x, p.y, p.z) : bytes_of(p) + '\xff';
+  for (const auto& t : mesh.triangles)
+    bytes += is_text ? fmt::format("3 {} {} {} 1 7\n", t[0], t[1], t[2])
+                     : '\3' + bytes_of(t) + '\1' + bytes_of(std::int16_t{7});
+  write_bytes(path, bytes);
+}
+
+/// With attributes, metadata and texts, as VTK 9 writes them.
+void write_vtk_surface(const fs::path& path) {
+  write_bytes(
+      path,
+      "# vtk DataFile Version 5.1\nvtk output\nASCII\nDATASET POLYDATA\nFIELD FieldData 1\n"
+      "SPACE 1 1 string\nRAS\n\nPOINTS 4 float\n0 0 0 1 0 0 0 2 0\n0 0 3\nMETADATA\nINFORMATION 0\n\n"
+      "POLYGONS 3 6\nOFFSETS vtktypeint64\n0 3 6\nCONNECTIVITY vtktypeint64\n0 2 1 0 1 3\n"
+      "TRIANGLE_STRIPS 1 5\n4 0 1 2 3\nCELL_DATA 3\nFIELD FieldData 1\nGroup%20Ids 1 3 int\n3 1 2\n"
+      "POINT_DATA 4\nSCALARS r float 1\nLOOKUP_TABLE default\n1 2 3 4\nNORMALS N float\n"
+      "0 0 1 0 0 1 0 0 1 0 0 1\nFIELD FieldData 2\nbits 1 4 bit\n0 1 0 1\nnames 1 4 string\na\nb\nc\nd\n");
+}
+
+/// A number as VTK stores it.
+template <typename T>
+std::string big_endian(T value) {
+  std::string bytes = bytes_of(value);
+  std::ranges::reverse(bytes);
+  return bytes;
+}
+
+void write_binary_vtk_surface(const fs::path& path) {
+  const Mesh mesh = tube_mesh(tree(), 3);
+  std::string bytes =
+      fmt::format("# vtk DataFile Version 4.2\nSPACE=LPS\nBINARY\nDATASET POLYDATA\nPOINTS {} float\n",
+                  mesh.points_mm.size());
+  for (const glm::vec3& p : mesh.points_mm) bytes += big_endian(p.x) + big_endian(p.y) + big_endian(p.z);
+  bytes += fmt::format("\nPOLYGONS {} {}\n", mesh.triangles.size(), 4 * mesh.triangles.size());
+  for (const auto& [a, b, c] : mesh.triangles)
+    for (const std::uint32_t index : {std::uint32_t{3}, a, b, c}) bytes += big_endian(index);
+  bytes += fmt::format(
+      "\nPOINT_DATA {}\nFIELD FieldData 2\nnames 1 2 string\n\xc1"
+      "a\xc2"
+      "bc\nr 1 {} double\n",
+      mesh.points_mm.size(), mesh.points_mm.size());
+  for (std::size_t i = 0; i < mesh.points_mm.size(); ++i) bytes += big_endian(0.5);
+  write_bytes(path, bytes + "\n");
+}
+
+void write_swc(const fs::path& path) {
+  write_bytes(path,
+              "# a tree\n1 2 0 0 0 3 -1\n2 2 0 0 10 2.5 1\n3 2 0 0 20 2 2\n4 2 5 0 30 1 3\n5 2 9 0 40 1 4\n"
+              "6 2 -5 0 30 1 3\n");
+}
+
+void write_centreline_csv(const fs::path& path) {
+  write_bytes(path,
+              "branch,x_mm,y_mm,z_mm,radius\na,0,0,0,3\na,0,0,10,2\na,5,0,20,2\nb,0,0,0,3\nb,0,0,10,2\n"
+              "\"b\",-5,0,20,2\n");
+}
+
+void write_markups(const fs::path& path) {
+  write_bytes(path, R"({"@schema": "v1.0.3", "markups": [
+{"type": "Curve", "name": "a", "coordinateSystem": "RAS", "coordinateUnits": "mm",
+ "controlPoints": [{"position": [0, 0, 0]}, {"position": [0, 0, 9], "positionStatus": "defined"}, {"position": [1, 0, 20]}],
+ "measurements": [{"name": "length"}, {"name": "radius", "controlPointValues": [3, 2, 1.5]}]},
+{"type": "ClosedCurve", "coordinateUnits": ["mm", "UCUM", "millimeter"],
+ "controlPoints": [{"position": [0, 0, 9]}, {"position": [9, 0, 9]}, {"position": [9, 9, 9]}],
+ "measurements": [{"name": "radius", "controlPointValues": [2, 2, 1]}]}]})");
+}
+
+/// In tracts, as VMTK leaves them.
+void write_centreline_vtk(const fs::path& path) {
+  write_bytes(
+      path,
+      "# vtk DataFile Version 3.0\nSPACE=LPS\nASCII\nDATASET POLYDATA\nPOINTS 6 float\n0 0 0 0 0 10 0 0 10\n"
+      "0 0 20 0 0 10 8 0 20\nLINES 4 12\n2 0 1\n2 2 3\n2 0 1\n2 4 5\nCELL_DATA 4\nFIELD f 2\n"
+      "CenterlineIds 1 4 int\n0 0 1 1\nTractIds 1 4 int\n0 1 0 1\nPOINT_DATA 6\n"
+      "SCALARS MaximumInscribedSphereRadius float\nLOOKUP_TABLE default\n3 2 2 1 2 1\n");
+}
 
 MapGeometry map_geometry() { return cylinder_map(volume().geometry(), 16, {0, 10}, {-4, -5}); }
 
@@ -462,6 +560,12 @@ Content read_as_field(const fs::path& path) {
   return {};
 }
 
+/// Makes a tree of them too.
+Content read_as_tree_of_lines(const fs::path& path) {
+  tree_of_lines(read_centreline_lines(path), path.string());
+  return {};
+}
+
 /// For as many devices as it seems to have columns of.
 Script read_script(const fs::path& path) {
   const std::string text = read_bytes(path);
@@ -553,6 +657,15 @@ const Reader kReaders[] = {
     {"tree_json", "tree.json", write_vessel_tree, without_content<read_tree>},
     {"surface_vtp", "surface.vtp", write_surface, without_content<read_mesh>},
     {"surface_stl", "surface.stl", write_surface, without_content<read_mesh>},
+    {"surface_obj", "surface.obj", write_obj_surface, without_content<read_mesh>},
+    {"surface_ply", "surface.ply", write_ply_surface<true>, without_content<read_mesh>},
+    {"surface_ply_binary", "surface.ply", write_ply_surface<false>, without_content<read_mesh>},
+    {"surface_vtk", "surface.vtk", write_vtk_surface, without_content<read_mesh>},
+    {"surface_vtk_binary", "surface.vtk", write_binary_vtk_surface, without_content<read_mesh>},
+    {"centrelines_swc", "a.swc", write_swc, read_as_tree_of_lines},
+    {"centrelines_csv", "a.csv", write_centreline_csv, read_as_tree_of_lines},
+    {"centrelines_markups", "a.mrk.json", write_markups, read_as_tree_of_lines},
+    {"centrelines_vtk", "a.vtk", write_centreline_vtk, read_as_tree_of_lines},
     {"opacity", "opacity.json",
      [](const fs::path& path) { write_bytes(path, Opacity::bilinear().to_json()); },
      [](const fs::path& path) { return Opacity::named(path.string()), Content(); }},

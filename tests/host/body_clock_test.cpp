@@ -4,10 +4,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <numbers>
 #include <optional>
 
@@ -328,6 +330,59 @@ TEST(BodyClock, RefusesBadCalls) {
   EXPECT_THAT(message([&] { clock.set_speed("heart", -1); }), HasSubstr("`speed` -1: must be 0 to 100"));
   EXPECT_THAT(message([&] { clock.set_speed(NAN); }), HasSubstr("`speed` nan"));
   EXPECT_THAT(message([&] { (void)clock.next_instant("heart", NAN, 0); }), HasSubstr("`phase` heart=nan"));
+}
+
+// ---- the page's clock ----------------------------------------------------------------------------------
+
+BodyClock clock_of(const nlohmann::json& one) {
+  std::vector<MotionMode> modes;
+  for (const auto& mode : one.at("modes")) {
+    MotionMode& made = modes.emplace_back(mode.at("wraps").get<bool>() ? heart() : breath());
+    made.name = mode.at("name");
+    made.period_s = mode.value("period_s", 0.0);
+    if (mode.contains("waveform"))
+      for (const auto& sample : mode.at("waveform")) made.waveform.push_back({sample[0], sample[1]});
+  }
+  return clock_of(std::move(modes), one.at("start_s").get<double>());
+}
+
+/// What a step of the file does.
+void take(const nlohmann::json& step, BodyClock& clock) {
+  const auto mode = [&](const char* does) { return clock.names()[step.at(does).get<std::size_t>()]; };
+  if (step.contains("advance")) clock.advance(step.at("advance"));
+  if (step.contains("speed")) clock.set_speed(step.at("speed").get<double>());
+  if (step.contains("release")) clock.release(mode("release"));
+  if (step.contains("hold") && step.contains("phase"))
+    clock.hold(mode("hold"), step.at("phase").get<double>());
+  else if (step.contains("hold"))
+    clock.hold(mode("hold"));
+}
+
+void expect_near(const std::vector<double>& found, const nlohmann::json& wanted, const std::string& where) {
+  ASSERT_EQ(found.size(), wanted.size()) << where;
+  for (std::size_t m = 0; m < found.size(); ++m)
+    EXPECT_NEAR(found[m], wanted[m].get<double>(), kRounding) << where;
+}
+
+TEST(BodyClock, HasTheValuesThatThePagesClockIsTestedAgainst) {
+  std::ifstream file(XRAYCAST_SOURCE_DIR "/tests/systems/body_clock.json");
+  for (const auto& one : nlohmann::json::parse(file).at("clocks")) {
+    BodyClock clock = clock_of(one);
+    for (const auto& step : one.at("steps")) {
+      take(step, clock);
+      const std::string where = step.dump();
+      EXPECT_NEAR(clock.time_s(), step.at("time_s").get<double>(), kRounding);
+      expect_near(clock.phases(), step.at("phases"), where);
+      expect_near(clock.traces_at(clock.time_s()), step.at("traces"), where);
+      expect_near(clock.phases_at(clock.time_s() - 0.9), step.at("phases_before"), where);
+      for (const auto& next : step.at("next")) {
+        const auto found_s = clock.next_instant(clock.names()[next[0].get<std::size_t>()],
+                                                next[1].get<double>(), clock.time_s() + 0.1);
+        ASSERT_EQ(found_s.has_value(), !next[2].is_null()) << where;
+        EXPECT_NEAR(found_s.value_or(0), next[2].is_null() ? 0 : next[2].get<double>(), kRounding) << where;
+      }
+    }
+  }
 }
 
 }  // namespace

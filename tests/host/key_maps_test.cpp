@@ -136,6 +136,23 @@ TEST(KeyMaps, OfAnInstantAreTheWeightedSumOfTheirValues) {
   EXPECT_EQ(map_at(map, std::vector{0.0, 0.0}).tau, map.tau);
 }
 
+TEST(KeyMaps, FewerOfThemAreTheSameAtTheirPhases) {
+  const BodyMap map = map_of(Opacity::paper()), fewer = with_fewer_keys(map, {{"breath", 2}});
+  EXPECT_THAT(fewer.keys->phases().phases(), ElementsAre(ElementsAre(0, 1), ElementsAre(0, 0.5)));
+  EXPECT_EQ(fewer.keys->motion, map.keys->motion);
+  EXPECT_LT(fewer.keys->size_B(), map.keys->size_B());
+  for (const std::vector<double>& instant : {std::vector{0.0, 0.5}, {1.0, 0.0}, {1.0, 0.75}})
+    EXPECT_EQ(map_at(fewer, instant).tau, map_at(map, instant).tau);
+  EXPECT_NE(map_at(fewer, std::vector{0.25, 0.0}).tau, map_at(map, std::vector{0.25, 0.0}).tau);
+  const auto refused = [&](std::map<std::string, int> keys) {
+    return [&map, keys = std::move(keys)] { with_fewer_keys(map, keys); };
+  };
+  EXPECT_THAT(refused({{"breath", 4}}),
+              ThrowsMessage<InputError>(HasSubstr("`keys` breath=4: must be 2 to 3")));
+  EXPECT_THAT(refused({{"heart", 1}}), ThrowsMessage<InputError>(HasSubstr("2 to 2")));
+  EXPECT_THAT(refused({{"hart", 2}}), ThrowsMessage<InputError>(HasSubstr("choose one of breath, heart")));
+}
+
 TEST(KeyMaps, AreReadAsTheyWereWritten) {
   const TemporaryFolder folder;
   for (const Attenuation& attenuation :

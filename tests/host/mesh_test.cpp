@@ -354,7 +354,7 @@ std::string bomb(std::uint64_t block_B, const std::string& points = "4") {
 }
 
 const BadFile kBadFiles[] = {
-    {"UnknownExtension", "mesh.ply", "ply", {"mesh.ply", "surface", ".stl or .vtp"}},
+    {"UnknownExtension", "mesh.off", "ply", {"mesh.off", "surface", ".stl, .vtp, .vtk, .obj or .ply"}},
     {"ShortStl", "mesh.stl", "solemn", {"mesh.stl", "too short", "6 bytes"}},
     {"EmptyStl", "mesh.stl", "", {"mesh.stl", "too short"}},
     {"TruncatedStl",

@@ -8,6 +8,7 @@
 #include "xraycast/registration/evolution_search.hpp"
 #include "xraycast/registration/similarity.hpp"
 #include "xraycast/registration/start_pose.hpp"
+#include "xraycast/registration/tone_curve.hpp"
 
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
@@ -127,6 +128,39 @@ TEST(EvolutionSearch, FindsTheHighestOfManyHills) {
   EXPECT_GE(found, 3);  // of 5: chance decides between neighbouring hills
 }
 
+TEST(ToneCurve, IsThatOfTheDepthsWhateverTheGreys) {
+  // Depths 0 to 4, and greys that fall or grow with them, with noise; some pixels show what the scan lacks.
+  const std::vector<float> random = noise(20000, 3), other = noise(20000, 4);
+  for (const bool are_inverted : {false, true}) {
+    std::vector<float> depths, shares;
+    for (std::size_t i = 0; i < random.size(); ++i) {
+      depths.push_back(std::clamp(2 + random[i], 0.F, 4.F));
+      const float grey = std::exp(-depths.back()) * (i % 50 == 0 ? 0.5F : 1) + 0.002F * other[i];
+      shares.push_back(std::clamp(are_inverted ? 1 - grey : grey, 0.F, 1.F));
+    }
+    const std::vector<std::uint8_t> counted(depths.size(), 1);
+    const ToneCurve curve = ToneCurve::fitted(shares, depths, counted, ToneCurve(Tone::intensity));
+    for (const float depth : {0.5F, 1.F, 2.F, 3.F}) {
+      const float grey = std::exp(-depth);
+      EXPECT_NEAR(curve(are_inverted ? 1 - grey : grey), depth, 0.1)
+          << are_inverted;  // what the 2 % lift it by
+    }
+    float last = curve(0);
+    for (int i = 1; i <= 100; ++i) {
+      const float next = curve(static_cast<float>(i) / 100);
+      EXPECT_TRUE(are_inverted ? next >= last : next <= last) << i;
+      last = next;
+    }
+  }
+}
+
+TEST(ToneCurve, OfTooFewPixelsStaysAsItIs) {
+  const ToneCurve before(Tone::log_intensity);
+  const std::vector<float> values = noise(100, 5);
+  const ToneCurve after = ToneCurve::fitted(values, values, std::vector<std::uint8_t>(100, 1), before);
+  EXPECT_EQ(after(0.3F), before(0.3F));
+}
+
 TEST(RigidMotion, TurnsAboutItsCentreAndBack) {
   const glm::dvec3 centre(10, -20, 30), at(5, 6, 7);
   const RigidMotion motion = turned_and_moved({0.1, -0.2, 0.3}, {1, 2, 3}, centre);
@@ -186,6 +220,60 @@ TEST(Cameras, AreReadFromJsonAndAutoscopersText) {
   EXPECT_EQ(text.height, 1750);
   EXPECT_EQ(text.intrinsics[1][1], 6165);
   EXPECT_EQ(text.translation_mm, glm::dvec3(-16, -77, 901));
+}
+
+TEST(Cameras, AreReadFromWhatOpenCvWrites) {
+  const TemporaryFolder folder;
+  const std::string head = R"(%YAML:1.0
+---
+calibration_time: "Thu 26 Nov 2026"
+image_width: 640
+image_height: 480
+board: { rows: 6, cols: 9 }
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 1500., 0., 319.5, 0., 1501., 239.5, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ 0., 0., 0., 0., 0. ]
+)";
+  // A quarter of a turn about x, as a vector and as a matrix.
+  const std::string vector = R"(rvec: !!opencv-matrix
+   rows: 3
+   cols: 1
+   dt: d
+   data: [ 1.5707963267948966, 0., 0. ]
+tvec: !!opencv-matrix
+   rows: 3
+   cols: 1
+   dt: d
+   data: [ 1., 2., 900. ]
+)",
+                    matrix = R"(R: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: f
+   data: [ 1., 0., 0., 0., 0., -1., 0., 1., 0. ]
+T: !!opencv-matrix
+   rows: 3
+   cols: 1
+   dt: d
+   data: [ 1., 2., 900. ]
+)";
+  for (const std::string& pose : {vector, matrix}) {
+    write_whole_file(folder / "c.yml", head + pose);
+    const PinholeCamera camera = read_cameras(folder / "c.yml").at(0);
+    EXPECT_EQ(camera.width, 640);
+    EXPECT_EQ(camera.height, 480);
+    EXPECT_EQ(camera.intrinsics[2][0], 319.5);
+    EXPECT_EQ(camera.intrinsics[1][1], 1501);
+    EXPECT_LT(glm::distance(camera.rotation * glm::dvec3(0, 0, 1), glm::dvec3(0, -1, 0)), 1e-9);
+    EXPECT_EQ(camera.translation_mm, glm::dvec3(1, 2, 900));
+  }
 }
 
 TEST(Cameras, ThatAreNoneAreRefused) {

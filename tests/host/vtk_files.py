@@ -2,6 +2,7 @@
 
 vtk_files.py describe FILE                          prints JSON
 vtk_files.py write FILE ascii|binary|appended|raw none|zlib 32|64 little|big short|float|...
+vtk_files.py write_legacy FILE ascii|binary [42|51]  .vtk, .ply or .obj
 """
 import json
 import sys
@@ -40,13 +41,18 @@ def describe(file):
     }))
 
 
-def sphere_writer():
+def sphere():
     sphere = vtk.vtkSphereSource()
     sphere.SetThetaResolution(80)
     sphere.SetPhiResolution(40)
     sphere.SetRadius(10)
+    return sphere
+
+
+def sphere_writer():
+    source = sphere()
     writer = vtk.vtkXMLPolyDataWriter()
-    writer.SetInputConnection(sphere.GetOutputPort())
+    writer.SetInputConnection(source.GetOutputPort())
     return writer
 
 
@@ -80,4 +86,18 @@ def write(file, mode, compressor, header, order, number_type):
     sys.exit(0 if writer.Write() else 1)
 
 
-{"describe": describe, "write": write}[sys.argv[1]](*sys.argv[2:])
+def write_legacy(file, mode, version=""):
+    source = sphere()
+    heights = vtk.vtkElevationFilter()
+    heights.SetInputConnection(source.GetOutputPort())
+    writer = {"vtk": vtk.vtkPolyDataWriter, "ply": vtk.vtkPLYWriter, "obj": vtk.vtkOBJWriter}[file[-3:]]()
+    writer.SetInputConnection(heights.GetOutputPort())
+    writer.SetFileName(file)
+    if not file.endswith("obj"):
+        {"ascii": writer.SetFileTypeToASCII, "binary": writer.SetFileTypeToBinary}[mode]()
+    if version:
+        writer.SetFileVersion(int(version))
+    sys.exit(0 if writer.Write() else 1)
+
+
+{"describe": describe, "write": write, "write_legacy": write_legacy}[sys.argv[1]](*sys.argv[2:])

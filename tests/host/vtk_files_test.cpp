@@ -123,6 +123,19 @@ TEST_F(VtkFiles, WeReadAllOfVtksEncodings) {
   }
 }
 
+TEST_F(VtkFiles, WeReadVtksOtherSurfaceFiles) {
+  for (const char* file_and_mode : {"a.vtk ascii 42", "a.vtk binary 42", "a.vtk ascii 51", "a.vtk binary 51",
+                                    "a.ply ascii", "a.ply binary", "a.obj ascii"}) {
+    SCOPED_TRACE(file_and_mode);
+    run_script("write_legacy " + (folder_ / file_and_mode).string());
+    const Mesh mesh = read_mesh(folder_ / std::string(file_and_mode).substr(0, 5));
+    EXPECT_TRUE(is_watertight(mesh));
+    // As above.
+    const double ball_mm3 = 4.0 / 3 * std::numbers::pi * 1000;
+    EXPECT_NEAR(volume_mm3(mesh), ball_mm3, 4e-3 * ball_mm3);
+  }
+}
+
 TEST_F(VtkFiles, WeReadVtksImages) {
   for (const char* encoding :
        {"ascii none 32 little short", "ascii none 64 big float", "binary none 32 little short",

@@ -168,3 +168,76 @@ def test_a_body_that_moves_is_observed(fork, tmp_path):
     assert observation[-1] == pytest.approx(1, abs=1e-6)  # half a second
     with pytest.raises(xc.InputError, match="observe_phases: applies to a motion"):
         ReachTarget(fork, "guidewire-035-j", observe_phases=True)
+
+
+@pytest.fixture(scope="module")
+def breath(tmp_path_factory):
+    """All goes 20 mm down in a breath of 4 s, and up again."""
+    folder = tmp_path_factory.mktemp("breath")
+    (folder / "a.tfm").write_text("#Insight Transform File V1.0\nTransform: TranslationTransform_double_3_3\n"
+                                  "Parameters: 0 0 20\nFixedParameters:\n")
+    file = folder / "motion.json"
+    file.write_text(json.dumps({"version": 1, "modes": [{"name": "breath", "period_s": 4, "phases": [
+        {"phase": 0}, {"phase": 1, "field": "a.tfm"}]}]}))
+    return file
+
+
+@pytest.fixture(scope="module")
+def moving_box(breath):
+    """A denser box about the fork in air, which breathes."""
+    hu = np.full((60, 40, 40), -1000, np.int16)
+    hu[20:40, 12:28, 12:28] = 0
+    return xc.Scan.from_array(hu, (8, 8, 8), (-156, -156, -156)).cast(layers=4, motion=breath, keys={"breath": 5})
+
+
+def edge_mm(frame):
+    """Height of the upper edge of what is dark."""
+    greys = frame[:, :, 0].astype(float)
+    profile = greys[:, greys.shape[1] // 2 - 4:greys.shape[1] // 2 + 4].mean(axis=1)
+    return -2.0 * np.argmax(profile < 0.5 * (profile.max() + profile.min()))
+
+
+def test_frames_move_with_the_body(fork, breath, moving_box):
+    view = dict(body=moving_box, size=(64, 160), pixel_mm=3, centre_mm=(0, 0, 90))
+    env = ReachTarget(fork, "guidewire-035-j", target=1, motion=str(breath), ms=500, max_steps=20, **view)
+    first, info = env.reset(seed=1)
+    assert info["phases"] == {"breath": 0}
+    frames, phases = [first], [0.0]
+    for _ in range(4):
+        frame, *_, info = env.step([0, 0])
+        frames.append(frame)
+        phases.append(info["phases"]["breath"])
+    assert phases == pytest.approx([0, 0.1464, 0.5, 0.8536, 1], abs=1e-3)
+    edges = [edge_mm(frame) for frame in frames]
+    # 20 mm down, in pixels of 2 mm at the axis.
+    assert edges[0] - edges[4] == pytest.approx(20, abs=4) and edges == sorted(edges, reverse=True)
+    assert np.array_equal(frames[0][..., 1], frames[4][..., 1])  # the road map stays as it was taken
+    # The picture is that of render at this instant, with the instrument.
+    still = ReachTarget(fork, "guidewire-035-j", target=1, motion=str(breath), phase={"breath": 1}, **view)
+    held = still.reset(seed=1)[0]
+    assert abs(edge_mm(held) - edges[4]) <= 2
+    again, info = env.reset(seed=1)
+    assert np.array_equal(again, first) and info["phases"] == {"breath": 0}
+
+
+def test_an_action_holds_the_breath(fork, breath):
+    env = ReachTarget(fork, "guidewire-035-j", target=1, motion=str(breath), ms=500, breath_hold=True)
+    check_env(env, skip_render_check=True)
+    env.reset(seed=1)
+    phase = lambda hold: env.step([0, 0, hold])[-1]["phases"]["breath"]  # noqa: E731
+    first = phase(-1)
+    assert 0 < first < 0.2
+    assert phase(1) == phase(0.5) == first
+    assert phase(0) == pytest.approx(0.5, abs=1e-3)  # goes on where it was: the second half second of four
+    with pytest.raises(xc.InputError, match="breath_hold: applies to a motion with a mode `breath`"):
+        ReachTarget(fork, breath_hold=True)
+
+
+def test_a_body_of_other_modes_is_refused(fork, tmp_path, moving_box):
+    motion = tmp_path / "motion.json"
+    (tmp_path / "a.tfm").write_text("#Insight Transform File V1.0\nTransform: TranslationTransform_double_3_3\n"
+                                    "Parameters: 0 0 1\nFixedParameters:\n")
+    motion.write_text(json.dumps({"version": 1, "modes": [{"name": "heart", "period_s": 1, "phases": [
+        {"phase": 0}, {"phase": 0.4, "field": "a.tfm"}]}]}))
+    with pytest.raises(xc.InputError, match="body: moves by breath, the motion by heart"):
+        ReachTarget(fork, body=moving_box, motion=str(motion))

@@ -85,6 +85,36 @@ def test_exports_pages_and_scenes(tree, small_map, tmp_path):
     np.testing.assert_array_equal(frame.tau, small_map.render().tau)
 
 
+def test_exports_a_map_that_moves(tree, tmp_path):
+    for name in ("breath", "heart"):
+        (tmp_path / f"{name}.tfm").write_text("#Insight Transform File V1.0\nTransform: TranslationTransform_double_3_3\n"
+                                              "Parameters: 0 0 5\nFixedParameters:\n")
+    motion = tmp_path / "motion.json"
+    motion.write_text(json.dumps({"version": 1, "modes": [
+        {"name": "breath", "period_s": 4, "phases": [{"phase": 0}, {"phase": 1, "field": "breath.tfm"}]},
+        {"name": "heart", "period_s": 1, "phases": [{"phase": 0}, {"phase": 0.5, "field": "heart.tfm"}]}]}))
+    body = xc.Scan.from_array(np.zeros((30, 20, 20), np.int16), (10, 10, 10), (-95, -95, -145)).cast(
+        layers=2, motion=motion, keys={"breath": 3, "heart": 4})
+    page = tmp_path / "page.html"
+    xc.export(body, page, vessels=tree, phase={"breath": 0.5}, gate={"heart": 0.75}, motion_speed=2, keys={"heart": 2})
+    moves = header_of(page)["motion"]
+    assert [mode["phases"] for mode in moves["modes"]] == [[0, 0.5, 1], [0, 0.5]] and len(moves["rows"]) == 6
+    assert moves["held"] == {"breath": 0.5} and moves["gate"] == {"mode": "heart", "phase": 0.75} and moves["speed"] == 2
+    assert moves["lattice"]["nodes"] > 8  # by the motion that the map names
+    run = xc.simulate(tree, ["microcatheter-27f"], [(0, 0, 0), (0.2, 20, 0)], entry=0, motion=motion, phase={"breath": 0.25})
+    xc.export(body, page, vessels=tree, run=run)
+    assert header_of(page)["run"]["moves"] and header_of(page)["motion"]["held"] == {"breath": 0.25}
+    still = xc.simulate(tree, ["microcatheter-27f"], [(0, 0, 0), (0.2, 20, 0)], entry=0)
+    with pytest.warns(UserWarning, match="in a body that stood still"):
+        xc.export(body, page, run=still)
+    assert header_of(page)["motion"] is None
+    for arguments, words in [(dict(keys={"heart": 9}), "keys heart=9|2 to 4"), (dict(gate={"hart": 0.5}), "gate"),
+                             (dict(gate={"breath": 0, "heart": 0}), "gate: must be a dict of one"),
+                             (dict(precision="half"), "precision"), (dict(run=run, motion_speed=2), "run: has a motion")]:
+        with pytest.raises(xc.InputError, match=words):
+            xc.export(body, page, **arguments)
+
+
 def test_exports_a_session_as_it_was_saved(small_map, tmp_path):
     (tmp_path / "s.json").write_text(json.dumps({
         "xraycast_session": 1, "files": {},

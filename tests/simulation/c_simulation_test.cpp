@@ -1,11 +1,14 @@
+#include "support/temporary_folder.hpp"
 #include "xraycast/c/simulation.h"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/motion/body_clock.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
 #include <cmath>
+#include <fstream>
 #include <limits>
 #include <memory>
 #include <string>
@@ -108,6 +111,128 @@ TEST(CSimulation, IsTheOneOfCpp) {
     ASSERT_EQ(count, touching.size());
     for (std::size_t n = 0; n < count; ++n) EXPECT_EQ(contacts[n].force_N[0], touching[n].force_N.x) << n;
   }
+}
+
+/// A breath of 4 s that goes 12 mm down and back, and a heart of 0.8 s.
+class CBody : public ::testing::Test {
+ protected:
+  CBody() {
+    const auto shift = [&](const char* name, const char* parameters) {
+      std::ofstream(folder_ / name) << "#Insight Transform File V1.0\n"
+                                       "Transform: TranslationTransform_double_3_3\n"
+                                       "Parameters: "
+                                    << parameters << "\nFixedParameters:\n";
+    };
+    shift("breath.tfm", "0 0 12");
+    shift("heart.tfm", "1 0 0");
+    std::ofstream(file_) << R"({"version": 1, "modes": [
+      {"name": "breath", "period_s": 4, "phases": [{"phase": 0}, {"phase": 1, "field": "breath.tfm"}]},
+      {"name": "heart", "period_s": 0.8, "phases": [{"phase": 0}, {"phase": 0.4, "field": "heart.tfm"}]}]})";
+    body_.motion_file = file_.c_str();
+  }
+
+  Simulation made(const xrc_setup& setup) const {
+    xrc_simulation* simulation = nullptr;
+    EXPECT_EQ(xrc_create_moving(&setup, &body_, &simulation), XRC_OK) << xrc_last_error();
+    return Simulation(simulation);
+  }
+
+  static std::vector<double> phases_of(const Simulation& simulation) {
+    std::vector<double> phases(3, -1);
+    std::size_t count = 0;
+    EXPECT_EQ(xrc_get_phases(simulation.get(), phases.data(), phases.size(), &count), XRC_OK);
+    phases.resize(count);
+    return phases;
+  }
+
+  TemporaryFolder folder_;
+  std::string file_ = (folder_ / "motion.json").string();
+  xrc_body body_{};
+};
+
+TEST_F(CBody, MovesAsTimePassesAndIsHeld) {
+  const VesselTree tree = thorax();
+  const std::vector models{InstrumentModel::named(kNames[0]), InstrumentModel::named(kNames[1])};
+  body_.start_s = 0.5;
+  const auto motion = std::make_shared<const Motion>(read_motion(file_));
+  BodyClock clock(*motion, body_.start_s);
+  Instruments expected(tree, models, find_entry(tree, {}, models.front()),
+                       {.motion = motion, .phases = clock.phases()});
+  const Simulation simulation = made(Branches(tree).setup());
+  EXPECT_EQ(phases_of(simulation), clock.phases());
+
+  std::array<HubPose, 2> hubs;
+  for (int step = 0; step < 600; ++step) {
+    hubs[0].insertion_mm = 0.1 * step;
+    hubs[1].insertion_mm = 0.13 * step;
+    if (step == 200) {
+      clock.hold("breath");
+      ASSERT_EQ(xrc_hold(simulation.get(), "breath"), XRC_OK);
+    }
+    if (step == 400) {
+      clock.release("breath");
+      ASSERT_EQ(xrc_release(simulation.get(), "breath"), XRC_OK);
+    }
+    clock.advance(1e-3);
+    expected.step(hubs, clock.phases());
+    const xrc_hub poses[] = {{hubs[0].insertion_mm, 0}, {hubs[1].insertion_mm, 0}};
+    ASSERT_EQ(xrc_step(simulation.get(), poses, 2), XRC_OK) << xrc_last_error();
+    ASSERT_EQ(phases_of(simulation), clock.phases());
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    xrc_tip tip;
+    double scan_mm[3];
+    ASSERT_EQ(xrc_get_tip(simulation.get(), i, &tip), XRC_OK);
+    ASSERT_EQ(xrc_get_tip_in_scan(simulation.get(), i, scan_mm), XRC_OK);
+    EXPECT_EQ(tip.position_mm[2], expected.tip(i).position_mm.z);
+    EXPECT_EQ(scan_mm[2], expected.tip(i).scan_mm.z);
+    EXPECT_GT(scan_mm[2] - tip.position_mm[2], 1);  // of a breath of 12 mm
+  }
+  const char* name = nullptr;
+  ASSERT_EQ(xrc_get_mode(simulation.get(), 1, &name), XRC_OK);
+  EXPECT_STREQ(name, "heart");
+}
+
+TEST_F(CBody, GoesWhereAClockOfOnesOwnIs) {
+  const xrc_held_mode held[] = {{"breath", 0.25}};
+  body_.held = held;
+  body_.held_count = 1;
+  body_.speed = 2;
+  const Simulation simulation = made(Branches(thorax()).setup());
+  const xrc_hub hubs[] = {{0, 0}, {0, 0}};
+  for (int step = 0; step < 100; ++step) ASSERT_EQ(xrc_step(simulation.get(), hubs, 2), XRC_OK);
+  // A hundred steps of a millisecond, twice as fast, of a beat of 0.8 s; sums of doubles.
+  EXPECT_NEAR(phases_of(simulation)[0], 0.25, 1e-9);
+  EXPECT_NEAR(phases_of(simulation)[1], 0.25, 1e-9);
+  const double phases[] = {0.26, 0.3};
+  ASSERT_EQ(xrc_step_at(simulation.get(), hubs, 2, phases, 2), XRC_OK) << xrc_last_error();
+  EXPECT_EQ(phases_of(simulation), (std::vector{0.26, 0.3}));
+}
+
+TEST_F(CBody, RefusesWhatDoesNotMove) {
+  const Branches tree(thorax());
+  const Simulation still = xraycast::made(tree.setup());
+  EXPECT_EQ(phases_of(still).size(), 0U);
+  EXPECT_EQ(xrc_hold(still.get(), "breath"), XRC_INPUT_ERROR);
+  EXPECT_NE(std::string(xrc_last_error()).find("xrc_create_moving"), std::string::npos);
+
+  const Simulation simulation = made(tree.setup());
+  EXPECT_EQ(xrc_hold(simulation.get(), "hart"), XRC_INPUT_ERROR);
+  EXPECT_NE(std::string(xrc_last_error()).find("choose one of breath, heart"), std::string::npos);
+  const xrc_hub hubs[] = {{0, 0}, {0, 0}};
+  const double phases[] = {0.5, 1.5};
+  EXPECT_EQ(xrc_step_at(simulation.get(), hubs, 2, phases, 2), XRC_INPUT_ERROR);
+  EXPECT_EQ(xrc_step_at(simulation.get(), hubs, 2, phases, 1), XRC_INPUT_ERROR);
+  EXPECT_EQ(phases_of(simulation), (std::vector{0.0, 0.0}));
+
+  body_.speed = -1;
+  const xrc_setup setup = tree.setup();
+  xrc_simulation* none = nullptr;
+  EXPECT_EQ(xrc_create_moving(&setup, &body_, &none), XRC_INPUT_ERROR);
+  body_ = {};
+  EXPECT_EQ(xrc_create_moving(&setup, &body_, &none), XRC_INPUT_ERROR);
+  EXPECT_EQ(std::string(xrc_last_error()), "motion_file: NULL");
+  EXPECT_EQ(none, nullptr);
 }
 
 TEST(CSimulation, WritesNoMoreThanThereIsRoomFor) {

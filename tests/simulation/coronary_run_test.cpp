@@ -71,7 +71,7 @@ TEST(CoronaryRun, EndsInTheAnteriorDescendingArteryAndRidesWithIt) {
                      .entry = {glm::dvec3(-124, -6, 236)},  // the right arm
                      .script = Script::read(folder + "left-anterior-descending.csv", 2),
                      .interval_s = 0.01,
-                     .motion = motion_of(phantom)};
+                     .body = {.motion = motion_of(phantom)}};
   Progress progress;
   EXPECT_TRUE(check(request).empty());
   const auto moving = run(request, progress);

@@ -293,8 +293,8 @@ TEST(MovingWall, ThatIsStillLeavesEveryNumberAsItIs) {
   RunRequest request = thorax_run();
   Progress progress;
   const auto still = run(request, progress);
-  request.motion = breath_and_heart();
-  request.phase = {{"breath", 0}, {"heart", 0}};
+  request.body.motion = breath_and_heart();
+  request.body.phase = {{"breath", 0}, {"heart", 0}};
   const auto held = run(request, progress);
   ASSERT_EQ(held.records.size(), still.records.size());
   for (std::size_t r = 0; r < still.records.size(); ++r) {
@@ -327,8 +327,8 @@ std::shared_ptr<const Motion> beating_aorta() {
 
 TEST(MovingWall, ThatIsHeldAtAPhaseMakesNoEnergy) {
   RunRequest request = thorax_run();
-  request.motion = beating_aorta();
-  request.phase = {{"heart", 0.8}};
+  request.body.motion = beating_aorta();
+  request.body.phase = {{"heart", 0.8}};
   Instruments instruments(*request.tree, request.instruments, entry_of(request), instrument_options(request));
   std::array pose{HubPose{}};
   for (int i = 0; i < 1500; ++i) {
@@ -371,7 +371,7 @@ TEST(MovingWall, LeavesAloneWhatTheIntroducerHolds) {
 
 TEST(MovingWall, KeepsACatheterWithinItAndShowsItsBeatAtTheHub) {
   RunRequest request = thorax_run();
-  request.motion = beating_aorta();
+  request.body.motion = beating_aorta();
   request.script = script_of({{0, 0, 0}, {1, 250, 2}, {4.2, 250, 2}});
   request.interval_s = 0.01;
   Progress progress;
@@ -381,7 +381,7 @@ TEST(MovingWall, KeepsACatheterWithinItAndShowsItsBeatAtTheHub) {
   for (const auto& records : moving.records) {
     const RunRecord& record = records[0];
     EXPECT_LT(record.deepest_mm, 2);  // of a wall that is pushed against by 200 mm/s
-    EXPECT_NEAR(record.phases.at(0), request.motion->phases_at(record.time_s).at(0), 1e-12);
+    EXPECT_NEAR(record.phases.at(0), request.body.motion->phases_at(record.time_s).at(0), 1e-12);
     if (record.time_s < 2.6) continue;  // the last two beats
     low_N = std::min(low_N, record.load.force_N);
     high_N = std::max(high_N, record.load.force_N);
@@ -401,21 +401,21 @@ TEST(MovingWall, KeepsACatheterWithinItAndShowsItsBeatAtTheHub) {
 
 TEST(RunInMotion, RefusesPhasesThatThereAreNot) {
   RunRequest request = thorax_run();
-  request.phase = {{"heart", 0.5}};
+  request.body.phase = {{"heart", 0.5}};
   EXPECT_THROW(check(request), InputError);
-  request.motion = beating_aorta();
+  request.body.motion = beating_aorta();
   EXPECT_TRUE(check(request).empty());
-  request.phase = {{"breath", 0.5}};
+  request.body.phase = {{"breath", 0.5}};
   EXPECT_THROW(check(request), InputError);
 }
 
 TEST(RunInMotion, TellsOfAnEntryThatMovesAway) {
   RunRequest request = thorax_run();
-  request.motion = motion_by(shift_by({0, 9, 0}));
+  request.body.motion = motion_by(shift_by({0, 9, 0}));
   const std::vector<std::string> notes = check(request);
   ASSERT_EQ(notes.size(), 1);
   EXPECT_NE(notes[0].find("9 mm away from the introducer"), std::string::npos) << notes[0];
-  request.phase = {{"breath", 1}};
+  request.body.phase = {{"breath", 1}};
   EXPECT_TRUE(check(request).empty());
 }
 

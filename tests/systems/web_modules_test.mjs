@@ -19,6 +19,12 @@ async function module_of(name) {
 }
 
 const { hash_of, state_of } = await module_of("address.ts");
+const { BodyClock } = await module_of("body_clock.ts");
+const { MotionMode, phase_weights } = await module_of("motion_mode.ts");
+const { bands_at, key_before, owner_of, rounded, shares_at } = await module_of("key_maps.ts");
+const { Lattice } = await module_of("moving_lattice.ts");
+const { ShownPhases } = await module_of("motion_player.ts");
+const { TraceLog } = await module_of("motion_chart.ts");
 const { Store, first_state } = await module_of("state.ts");
 const { picture_at, shown_time_s } = await module_of("instrument_shape.ts");
 const { step_s } = await module_of("run_player.ts");
@@ -34,6 +40,7 @@ const { message_of } = await module_of("live_message.ts");
 const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
 const { LastLoads } = await module_of("live.ts");
+const { LastTraces } = await module_of("live_body.ts");
 
 const kRun = { pictures: 151, step_s: 1 / 15, instruments: [] };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
@@ -42,7 +49,7 @@ const session = ({ header = {}, ...more } = {}) => ({
     pose: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, look: "fluoro", window: null, greys: { gamma: 1, inverted: false }, layer_weights: [],
     shows_vessels: false, shows_road_map: false, viewer: { presets: [], least_zoom: 0.25, most_zoom: 40, most_tilt_deg: 50 }, ...header,
   },
-  map: { layers: 4, bounds: kBounds }, vessels: null, catheters: [], run: null, live: null, ...more,
+  map: { layers: 4, bounds: kBounds }, vessels: null, catheters: [], run: null, live: null, motion: null, ...more,
 });
 const opened = (data, hash = "") => new Store(state_of(hash, first_state(data)), first_state(data), data);
 const again = (state, data) => opened(data, hash_of(state, first_state(data))).state;
@@ -217,9 +224,9 @@ test("an instrument of several pixels' width is drawn as it is", () => {
 });
 
 /** As viewer/xraycast/serving/browser_message.cpp writes it. */
-function live_bytes() {
-  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 1 + 1 + 6) + 4 * 3));
-  [1, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
+function live_bytes(has_body = true) {
+  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 1 + 1 + 6) + 4 * 3 + 4 * (has_body ? 1 + 2 + 2 * 6 + 2 + 3 : 1)));
+  [2, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
   let at = 4;
   const whole = (x) => view.setUint32((at += 4) - 4, x, true), real = (x) => view.setFloat32((at += 4) - 4, x, true);
   whole(9);
@@ -228,6 +235,17 @@ function live_bytes() {
   [1, 2, 3, 4, 5, 6].forEach(real);
   [1, 7].forEach(whole);
   real(350);
+  whole(has_body ? 2 : 0);
+  if (!has_body) return view.buffer;
+  [20, 2].forEach(real);
+  for (const [marks, phase, gate, values] of [[1, 0.25, 0, [0.5, 0.75]], [2, 0.5, 0.75, [0.125, 1]]]) {
+    whole(marks);
+    [phase, gate].forEach(real);
+    whole(2);
+    values.forEach(real);
+  }
+  whole(1);
+  [19.5, 1, 2, 3].forEach(real);
   return view.buffer;
 }
 
@@ -235,15 +253,40 @@ test("a live message is read as it is written", () => {
   assert.deepEqual(message_of(live_bytes()), {
     exposes: true, injects: false, is_valve_locked: true, has_outlet: false, held_hub: 0, exposures: 9, time_s: 1.5, fluoroscopy_s: 2, injected_ml: 3,
     instruments: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
-    filled: [{ drum: 7, mg_ml: 350 }],
+    filled: [{ drum: 7, mg_ml: 350, moved_mm: [1, 2, 3] }],
+    body: {
+      time_s: 20, speed: 2, exposures_s: [19.5],
+      modes: [{ is_held: true, gate: null, phase: 0.25, trace: [0.5, 0.75] }, { is_held: false, gate: 0.75, phase: 0.5, trace: [0.125, 1] }],
+    },
   });
+  const still = message_of(live_bytes(false));
+  assert.deepEqual([still.body, still.filled], [null, [{ drum: 7, mg_ml: 350 }]]);
   for (let size = 0; size < live_bytes().byteLength; ++size) assert.throws(() => message_of(live_bytes().slice(0, size)), `${size}`);
   const huge = live_bytes();
   new DataView(huge).setUint32(36, 0xffffffff, true); // parts
   assert.throws(() => message_of(huge), /too short/);
   const other = live_bytes();
-  new DataView(other).setUint8(0, 2);
+  new DataView(other).setUint8(0, 1);
   assert.throws(() => message_of(other), /another version/);
+});
+
+test("traces are of the last six seconds, and of nothing that is missing", () => {
+  const traces = new LastTraces(["breath", "heart"]), values = (k) => Array.from({ length: 10 }, (_, i) => (10 * k + i) / 10000);
+  const told = (k, more = {}) => ({ time_s: 0.05 * (k + 1), speed: 1, exposures_s: [0.05 * k], modes: [{ is_held: k > 100, gate: null, phase: 0, trace: values(k) }, { is_held: false, gate: null, phase: 0, trace: values(k) }], ...more });
+  for (let k = 0; k < 200; ++k) traces.add(told(k));
+  const { modes, exposures_s, length_s } = traces.shown;
+  assert.deepEqual([modes[0].name, modes[0].is_held, modes[0].values.length, modes[0].values[1199], length_s], ["breath", true, 1200, 0.1999, 6]);
+  assert.ok(exposures_s.length > 115 && exposures_s.every((age_s) => age_s >= 0 && age_s <= 6.001));
+  traces.add(told(300)); // what came between was lost
+  assert.equal(traces.shown.modes[1].values.length, 10);
+});
+
+test("contrast agent moves with the body", () => {
+  const mesh = { points_mm: Float32Array.from({ length: 12 }, (_, i) => i), triangles: new Uint32Array([0, 1, 0, 2, 3, 2]) };
+  const whole = { mesh, drum_points: 2, drum_triangles: 1, mu_per_mm: 1, colour: [1, 1, 1] };
+  const at = (moved_mm) => [...filled(whole, [{ drum: 1, mg_ml: 5, ...(moved_mm && { moved_mm }) }]).mesh.points_mm];
+  assert.deepEqual(at(), [6, 7, 8, 9, 10, 11]);
+  assert.deepEqual(at([1, 2, -3]), [7, 9, 5, 10, 12, 8]);
 });
 
 test("opposite holds cancel", () => {
@@ -346,4 +389,124 @@ test("a map is the same in bands of any height", () => {
   for (const { first_quad, quads, values } of drawn_bands(map, tau, 1))
     for (let line = 0; line < 4 * columns; ++line)
       assert.deepEqual(values.slice(4 * quads * line, 4 * quads * (line + 1)), whole.values.slice(8 * line + 4 * first_quad, 8 * line + 4 * (first_quad + quads)));
+});
+
+const kClocks = JSON.parse(readFileSync(new URL("body_clock.json", import.meta.url), "utf8")).clocks;
+const near = (found, wanted, where) => assert.ok(Math.abs(found - wanted) < 1e-9, `${where}: ${found}, not ${wanted}`); // of doubles, in another order
+
+test("the body's clock has the values of the program's", () => {
+  for (const { modes, start_s, steps } of kClocks) {
+    const clock = new BodyClock(modes.map((mode) => new MotionMode(mode)), start_s);
+    for (const step of steps) {
+      const where = JSON.stringify(step);
+      if ("advance" in step) clock.advance(step.advance);
+      if ("speed" in step) clock.speed = step.speed;
+      if ("hold" in step) clock.hold(step.hold, step.phase);
+      if ("release" in step) clock.release(step.release);
+      near(clock.time_s, step.time_s, where);
+      for (const [found, wanted] of [[clock.phases(), step.phases], [clock.traces_at(clock.time_s), step.traces], [clock.phases_at(clock.time_s - 0.9), step.phases_before]])
+        wanted.forEach((phase, m) => near(found[m], phase, where));
+      for (const [m, phase, at_s] of step.next) {
+        const found_s = clock.next_instant(m, phase, clock.time_s + 0.1);
+        if (at_s === null) assert.equal(found_s, null, where);
+        else near(found_s, at_s, where);
+      }
+    }
+  }
+});
+
+test("a mode that never has a phase is not held at it", () => {
+  const clock = new BodyClock(kClocks[1].modes.map((mode) => new MotionMode(mode)));
+  assert.equal(clock.hold(0, 0.95), false);
+  assert.equal(clock.is_held(0), false);
+});
+
+test("through a gate one phase alone is seen, without a gate all are", () => {
+  const new_clock = () => new BodyClock(kClocks[1].modes.map((mode) => new MotionMode(mode))), clock = new_clock(), shown = new ShownPhases(clock), seen = new Set();
+  for (let i = 0; i < 300; ++i) {
+    const [, heart] = shown.advance(1 / 30, { m: 1, phase: 0.75 });
+    if (clock.time_s > 0.8) assert.ok(Math.abs(heart - 0.75) < 1e-9, `${heart} at ${clock.time_s}`);
+    seen.add(heart);
+  }
+  assert.ok(seen.size >= 2);
+  const free = new ShownPhases(new_clock()), wanted = new_clock();
+  for (let i = 0; i < 50; ++i) {
+    wanted.advance(0.05);
+    assert.deepEqual(free.advance(0.05, null), wanted.phases());
+  }
+});
+
+const kModes = [{ name: "breath", wraps: false, phases: [0, 0.25, 1] }, { name: "heart", wraps: true, phases: [0, 0.5] }];
+
+test("shares of key maps are those of the program, and jump nowhere", () => {
+  let before = new Map();
+  for (let i = 0; i <= 4000; ++i) {
+    const breath = Math.min(1, i / 3000), heart = (i / 1000) % 1, shares = shares_at(kModes, [breath, heart]), at = (key) => [kModes[0].phases[Math.floor(key / 2)], kModes[1].phases[key % 2]];
+    const sum = (of) => shares.reduce((all, { key, weight }) => all + weight * of(key), 0);
+    near(sum(() => 1), 1, `${i}`);
+    near(sum((key) => at(key)[0]), breath, `${i}`);
+    near(2 * sum((key) => at(key)[1]), heart <= 0.5 ? 2 * heart : 2 - 2 * heart, `${i}`);
+    const now = new Map(rounded(shares).map(({ key, weight }) => [key, weight]));
+    assert.equal([...now.values()].reduce((a, b) => a + b), 256);
+    // In a step of a 500th of a half beat, and rounded twice.
+    if (i > 0) for (const key of new Set([...now.keys(), ...before.keys()])) assert.ok(Math.abs((now.get(key) ?? 0) - (before.get(key) ?? 0)) <= 3, `${i}`);
+    before = now;
+  }
+});
+
+test("bands take rows from the key maps that have them", () => {
+  const rows = [[-1, 0, 24], [0, 8, 8], [0, 4, 16], [2, 8, 8], [0, 0, 24], [4, 8, 8]].map(([base, first, count]) => ({ base, first, count }));
+  assert.equal(owner_of(rows, 3, 9), 3);
+  assert.equal(owner_of(rows, 3, 5), 2);
+  assert.equal(owner_of(rows, 3, 1), 0);
+  assert.deepEqual([1, 2, 3, 5].map((key) => key_before(kModes, key)), [0, 0, 2, 4]);
+  const bands = bands_at(kModes, rows, 24, [0.125, 0.25]);
+  assert.deepEqual(bands.map(({ first, end }) => [first, end]), [[0, 4], [4, 8], [8, 16], [16, 20], [20, 24]]);
+  assert.deepEqual(bands[0].shares, [{ key: 0, weight: 256 }]);
+  assert.deepEqual(bands[1].shares, [{ key: 0, weight: 128 }, { key: 2, weight: 128 }]);
+  assert.deepEqual(bands[2].shares, [0, 1, 2, 3].map((key) => ({ key, weight: 64 })));
+});
+
+test("splines go through their keys, and on without a jump", () => {
+  const phases = [0, 0.2, 0.7], values = [1, 5, -2], at = (phase) => phase_weights(phases, true, phase).reduce((sum, weight, k) => sum + weight * values[k], 0);
+  phases.forEach((phase, k) => near(at(phase), values[k], `${phase}`));
+  near(at(1 - 1e-12), at(0), "the end");
+});
+
+test("a lattice moves points by the nodes about them", () => {
+  // Two nodes a side; at the second key of one mode node n goes by n along x, in halves of a millimetre.
+  const header = { origin_mm: [0, 0, 0], spacing_mm: 8, size: [2, 2, 2], nodes: 8, unit_mm: 0.5, phases: [[0, 1]] };
+  const ways = new Int16Array(48);
+  for (let n = 0; n < 8; ++n) ways[24 + n] = n;
+  const lattice = new Lattice(header, [{ name: "breath", wraps: false, phases: [0, 1] }], new Map(Array.from({ length: 8 }, (_, i) => [i, i])), ways);
+  const points = Float32Array.of(0, 0, 0, 8, 8, 8, 4, 2, 6), moved = new Float32Array(9);
+  lattice.move(points, lattice.places_of(points), lattice.displacement_mm([0.5]), moved);
+  // Half of: 0; 7 halves; 0.5 + 2 * 0.25 + 4 * 0.75 halves.
+  assert.deepEqual([...moved], [0, 0, 0, 8 + 1.75, 8, 8, 4 + 1, 2, 6]);
+});
+
+test("traces are kept for six seconds, and those of another time are told anew", () => {
+  const log = new TraceLog(1), traces_at = (time_s) => [time_s];
+  log.add(traces_at, 0);
+  assert.ok(log.traces[0][0] < -5.9); // what led up to it
+  for (let time_s = 0; time_s < 20; time_s += 0.033) log.add(traces_at, time_s);
+  assert.ok(Math.abs(log.traces[0].length - 1201) <= 1 && Math.abs(log.traces[0].at(-1) - 20) < 0.05);
+  log.add(traces_at, 3);
+  assert.ok(Math.abs(log.traces[0].at(-1) - 3) < 0.01 && log.traces[0][0] < -2.9);
+});
+
+test("an address names the instant of a body that moves, and a link says it", () => {
+  const data = session({ motion: { modes: kModes.map((mode) => ({ ...mode, period_s: 1 })), held: {}, speed: 1 } }), first = first_state(data), names = ["breath", "heart"];
+  const state = state_of("#phase=heart:0.8", first, names);
+  assert.deepEqual([state.phases, state.is_paused], [[0, 0.8], true]);
+  assert.match(hash_of({ ...state, phases: [0.12344, 0.8] }, first, names), /&phase=breath:0.1234,heart:0.8$/);
+  for (const text of ["", "phase=", "phase=lung:1", "phase=heart:2", "phase=heart:x"]) assert.equal(state_of(`#${text}`, first, names).is_paused, false, text);
+});
+
+test("the body of a run has the phases of the picture that is shown", () => {
+  const modes = [{ name: "breath", wraps: false, period_s: 4, phases: [0, 1] }, { name: "heart", wraps: true, period_s: 1, phases: [0, 0.5] }];
+  const data = session({ run: { ...kRun, moves: true }, motion: { modes, held: { breath: 0.25 }, speed: 1 } }), store = opened(data);
+  store.update({ time_s: 2.5 * kRun.step_s });
+  assert.equal(store.state.phases[0], 0.25);
+  near(store.state.phases[1], 2 * kRun.step_s, "heart");
 });

@@ -21,7 +21,7 @@ const wait = (ms) => new Promise((done) => setTimeout(done, ms));
 const kPair = ["--device-model", "cobra-5f", "--device-model", "guidewire-035-j"];
 
 before(async () => {
-  run("phantom", "thorax", "--size", "192x192x240", "-o", file("thorax.nrrd"), "--truth", file("truth"));
+  run("phantom", "thorax", "--size", "192x192x240", "-o", file("thorax.nrrd"), "--truth", file("truth"), "--motion", file("motion"));
   run("cast", file("thorax.nrrd"), "-o", file("map.exr"), "--layers", 8);
   run("cast", file("thorax.nrrd"), "-o", file("circles.exr"), "--layers", 8, "--outline", "circle");
   writeFileSync(file("push.csv"), "time_s,insertion_mm,rotation_deg\n0,0,0\n3,150,180\n");
@@ -34,6 +34,9 @@ before(async () => {
   writeFileSync(file("pair.csv"), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n3,120,180,250,0\n");
   run("export", file("map.exr"), "--vessels", file("truth"), "--script", file("pair.csv"), ...kPair, "-o", file("pair.html"));
   run("export", file("map.exr"), "--vessels", file("truth"), "--script", file("push.csv"), "--title", "A <run> & its film", "-o", file("run.html"));
+  run("cast", file("thorax.nrrd"), "-o", file("moving.exr"), "--layers", 8, "--motion", file("motion/motion.json"));
+  run("export", file("moving.exr"), "--vessels", file("truth"), "-o", file("moving.html"));
+  run("export", file("moving.exr"), "--vessels", file("truth"), "--script", file("push.csv"), "-o", file("moving_run.html"));
   await start_chromium(...kMesa);
 });
 
@@ -482,6 +485,127 @@ browser_test("opening a page again and again takes no more memory", async (t) =>
   await page.close();
 });
 
+/** The same of a page whose body moves, once all its key maps are there. */
+async function open_moving(name, hash, size) {
+  const opened = await open(name, hash, size);
+  await opened.page.waitForFunction(() => document.documentElement.dataset.motion, { timeout: 60000 });
+  if (/phase=|ui=0/.test(hash)) await settled(opened.page);
+  return opened;
+}
+
+/** A whole number below `end`, the same in every run. */
+let seed = 11;
+const random = (end) => (seed = (seed * 16807) % 2147483647) % end;
+
+browser_test("pictures of a body that moves are those of render, at random instants", async (t) => {
+  const opened = await open_moving("moving.html", "ui=0");
+  let lowest = Infinity;
+  for (let i = 0; i < 8; ++i) {
+    const [breath, heart, lao, cranial] = [random(1000) / 1000, random(1000) / 1000, random(360) - 180, random(40) - 20], look = kLooks[i % 2];
+    run("render", file("moving.exr"), "-o", file("frame.png"), "--vessels", file("truth"), "--look", look, "--angle", lao, "--tilt", cranial, "--size", "640x480", "--phase", `breath=${breath}`, "--phase", `heart=${heart}`);
+    await show(opened.page, `lao=${lao}&cranial=${cranial}&look=${look}&phase=breath:${breath},heart:${heart}&ui=0`);
+    const dB = psnr_dB(await picture_of(opened.page), PNG.sync.read(readFileSync(file("frame.png"))));
+    // As of a body that stands still; of another instant it is some 30.
+    assert.ok(dB >= 50, `${look}, breath ${breath}, heart ${heart}, LAO ${lao}, cranial ${cranial}: ${dB.toFixed(1)} dB`);
+    lowest = Math.min(lowest, dB);
+  }
+  t.diagnostic(`lowest PSNR ${lowest.toFixed(1)} dB`);
+  await close(opened);
+});
+
+browser_test("a body passes its key maps without a jump", async () => {
+  const opened = await open_moving("moving.html", "ui=0&vessels=0&window=1,0,1"), changes = [];
+  let before = null;
+  for (let i = 0; i <= 10; ++i) {
+    await show(opened.page, `phase=breath:${(0.283 + 0.01 * i).toFixed(3)}&ui=0&vessels=0&window=1,0,1`); // over a key map at 1/3
+    const picture = await picture_of(opened.page);
+    if (before) changes.push(255 * 10 ** (-psnr_dB(picture, before) / 20));
+    before = picture;
+  }
+  const sorted = [...changes].sort((a, b) => a - b);
+  assert.ok(sorted[0] > 0 && sorted.at(-1) < 2 * sorted[5], `${changes.map((change) => change.toFixed(3))}`); // greys are whole numbers
+  await close(opened);
+});
+
+browser_test("breath and heart go on, are held, stopped, gated and paused, by buttons and keys", async () => {
+  const opened = await open_moving("moving.html", "lao=0", { width: 900, height: 700 }), { page } = opened;
+  const says = (words) => until(page, "#motion-play", (button, words) => button.textContent === words, words);
+  /** The phases of a pause. */
+  const paused = async () => {
+    await page.keyboard.press(" ");
+    await says("Move body");
+    await page.keyboard.press("l");
+    await page.waitForFunction(() => location.hash.includes("phase="));
+    return new URL(page.url()).hash.match(/phase=breath:([\d.]+),heart:([\d.]+)/).slice(1).map(Number);
+  };
+  const goes_on = async (ms) => {
+    const drawn = await pictures(page);
+    await page.keyboard.press(" ");
+    await says("Pause body");
+    await page.waitForFunction((drawn) => Number(document.documentElement.dataset.pictures) > drawn + 2, {}, drawn);
+    await wait(ms);
+  };
+  await says("Pause body"); // it moves when it opens
+  const first = await paused();
+  await goes_on(300);
+  const second = await paused();
+  assert.ok(Math.abs(second[0] - first[0]) > 0.01 && second[1] !== first[1], `${first} to ${second}`);
+  await page.keyboard.press("b");
+  await goes_on(300);
+  const third = await paused();
+  assert.ok(third[0] === second[0] && third[1] !== second[1], `${second} to ${third}`);
+  await page.keyboard.press("b");
+  await page.evaluate(() => [...document.querySelectorAll("#holds button")].find((button) => button.textContent === "Arrest heart").click());
+  await goes_on(300);
+  const fourth = await paused();
+  assert.ok(fourth[0] !== third[0] && fourth[1] === third[1], `${third} to ${fourth}`);
+  await page.keyboard.press("k");
+  await page.keyboard.press("g");
+  assert.deepEqual(await page.evaluate(() => [document.getElementById("gate-mode").selectedOptions[0].textContent, document.getElementById("gate-phase").value]), ["heart", "0.75"]);
+  await goes_on(2500);
+  assert.equal((await paused())[1], 0.75);
+  await settled(page);
+  await close(opened);
+});
+
+browser_test("a late picture of a run in a body that moves is that of simulate --cine", async (t) => {
+  run("simulate", file("truth"), "--device-model", "cobra-5f", "--script", file("push.csv"), "-o", file("log.csv"), "--map", file("moving.exr"), "--motion", file("motion/motion.json"), "--cine", file("moving_frames"), "--size", "640x480");
+  const wanted = PNG.sync.read(readFileSync(file("moving_frames/frame-028.png"))); // ten a second
+  const opened = await open_moving("moving_run.html", "ui=0&t=2.8&roadmap=0"), shown = await picture_of(opened.page);
+  const rests = await show(opened.page, "ui=0&t=0&roadmap=0").then(() => picture_of(opened.page));
+  for (let i = 0; i < wanted.data.length; i += 4) // but for the road map, which simulate draws
+    if (!is_grey(wanted, i)) for (const picture of [wanted, shown, rests]) picture.data.fill(0, i, i + 3);
+  const dB = psnr_dB(shown, wanted);
+  t.diagnostic(`PSNR ${dB.toFixed(1)} dB, of the first picture ${psnr_dB(rests, wanted).toFixed(1)} dB`);
+  // The windows are those of two instants.
+  assert.ok(dB >= 36 && psnr_dB(rests, wanted) < dB - 3, `${dB.toFixed(1)} dB`);
+  await close(opened);
+});
+
+browser_test("a lost context comes back with its key maps", async () => {
+  const opened = await open_moving("moving.html", "ui=0&phase=breath:0.6"), { page } = opened, before = await picture_of(page), from = await pictures(page);
+  await page.evaluate(() => {
+    delete document.documentElement.dataset.motion;
+    globalThis.lose = document.getElementById("picture").getContext("webgl2").getExtension("WEBGL_lose_context");
+    globalThis.lose.loseContext();
+  });
+  await until(page, "#note", (note) => note.textContent.includes("is lost"));
+  await page.evaluate(() => globalThis.lose.restoreContext());
+  await page.waitForFunction((from) => document.documentElement.dataset.motion && Number(document.documentElement.dataset.pictures) > from, { timeout: 60000 }, from);
+  await settled(page);
+  assert.ok(psnr_dB(before, await picture_of(page)) > 60);
+  await close(opened);
+});
+
+browser_test("a body that moves fits a telephone", async () => {
+  for (const name of ["moving.html", "moving_run.html"]) {
+    const opened = await open_moving(name, "lao=0&phase=breath:0.5", { width: 360, height: 740 }), { page } = opened;
+    assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 360);
+    assert.ok(await page.$eval("#motion-chart", (chart) => chart.clientHeight >= 40 && /breath/.test(chart.getAttribute("aria-label"))));
+    await close(opened);
+  }
+});
+
 test("pages are small", async (t) => {
   run("cast", file("thorax.nrrd"), "-o", file("layers.exr"), "--layers", 16);
   writeFileSync(file("long.csv"), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n10,200,360,350,0\n");
@@ -492,6 +616,9 @@ test("pages are small", async (t) => {
     t.diagnostic(`${MB.toFixed(2)} MB: ${precision}, 16 layers of 240 rows, vessels, 10 s of a wire in a catheter`);
     assert.ok(MB < most_MB, `${precision}: ${MB} MB`);
   }
+  const MB = statSync(file("moving.html")).size / 1e6;
+  t.diagnostic(`${MB.toFixed(2)} MB: 32 key maps of 8 layers of 240 rows, vessels`);
+  assert.ok(MB < 2.5, `${MB} MB`);
 });
 
 test("glTF files are valid", async () => {

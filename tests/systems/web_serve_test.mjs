@@ -22,6 +22,8 @@ const wait = (ms) => new Promise((done) => setTimeout(done, ms));
 before(async () => {
   run("phantom", "thorax", "--size", "96x96x120", "-o", file("thorax.nrrd"), "--truth", file("truth"));
   run("cast", file("thorax.nrrd"), "-o", file("map.exr"), "--layers", 4);
+  run("phantom", "thorax", "--size", "64x64x80", "-o", file("rest.nrrd"), "--truth", file("rest"), "--motion", file("motion"));
+  run("cast", file("rest.nrrd"), "-o", file("moving.exr"), "--layers", 4, "--angles", 90, "--motion", file("motion/motion.json"), "--keys", "breath=2", "--keys", "heart=6");
   await start_chromium(...kMesa, "--host-resolver-rules=MAP rebound.example 127.0.0.1");
 });
 
@@ -34,8 +36,10 @@ after(async () => {
 const servers = new Set();
 
 /** A session that is served, and the address of its page. */
-async function serve(...words) {
-  const server = spawn(program, ["serve", file("map.exr"), "--vessels", file("truth"), "--listen", "127.0.0.1:0", "--web", ...words], { stdio: ["ignore", "ignore", "pipe"] });
+const serve = (...words) => serve_map("map.exr", "truth", ...words);
+
+async function serve_map(map, vessels, ...words) {
+  const server = spawn(program, ["serve", file(map), "--vessels", file(vessels), "--listen", "127.0.0.1:0", "--web", ...words], { stdio: ["ignore", "ignore", "pipe"] });
   servers.add(server);
   server.once("exit", () => servers.delete(server));
   let said = "";
@@ -299,6 +303,58 @@ browser_test("a lost connection is said, and comes back", async () => {
   await reads(page, "#note", /Connection lost; trying again/);
   await close(opened);
   proxy.close();
+});
+
+/** Of the body in the picture, a phase a mode. */
+const phases = (page) => page.evaluate(() => document.documentElement.dataset.phases.split(",").map(Number));
+
+/** How many pixels of the traces have a colour, red, green and blue. */
+const traced = (page, colour) => page.$eval("#live-traces", (canvas, colour) => {
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  let count = 0;
+  for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200 && colour.every((value, c) => Math.abs(data[i + c] - value) < 8)) ++count;
+  return count;
+}, colour);
+
+browser_test("a body in motion is held, gated and sped up, and its traces are drawn", async (t) => {
+  const session = await serve_map("moving.exr", "rest"), opened = await open(session.address), { page } = opened;
+  await reads(page, "#live-role", /^You steer$/);
+  assert.equal(await page.$eval("#body-buttons", (buttons) => buttons.innerText.replace(/\s+/g, " ").trim().startsWith("Hold breath Arrest heart Gate Motion")), true);
+  await page.focus("#stage");
+  await page.keyboard.down("x");
+  await wait(1500);
+  const first = await phases(page);
+  await wait(400);
+  const second = await phases(page);
+  assert.ok(first.every((phase, m) => phase !== second[m]), `${first} to ${second}`);
+  assert.ok(await traced(page, [0x5a, 0xdc, 0x78]) > 100 && await traced(page, [0x6e, 0xbe, 0xfa]) > 50 && await traced(page, [0xff, 0xc4, 0x3c]) > 20, "ECG, breath and exposures");
+  await page.keyboard.press("b");
+  await reads(page, "#live-readout", /breath held$/);
+  await page.click("#body-holds button:nth-child(2)");
+  await reads(page, "#live-readout", /breath held, heart arrested$/);
+  await wait(300);
+  const held = await phases(page);
+  await wait(500);
+  assert.deepEqual(await phases(page), held);
+  assert.match(await page.$eval("#live-traces", (canvas) => canvas.getAttribute("aria-label")), /^breath, held; ECG, held; \d+ exposures/);
+  if (process.env.XRAYCAST_SCREENSHOTS) await page.screenshot({ path: join(process.env.XRAYCAST_SCREENSHOTS, "live-body.png") });
+  await page.keyboard.press("k");
+  await page.keyboard.press("g");
+  await reads(page, "#live-readout", /breath held, gated: heart at 75 %$/);
+  await wait(300);
+  const before = await exposures(page);
+  await wait(3000);
+  const gated = (await exposures(page)) - before;
+  t.diagnostic(`${gated} exposures in 3 s of a gated heart; its phase is ${(await phases(page))[1]}`);
+  assert.ok(gated >= 2 && gated <= 5, `${gated}`); // a beat of 0.86 s
+  assert.ok(Math.abs((await phases(page))[1] - 0.75) < 0.03);
+  await page.keyboard.press("g");
+  await page.keyboard.press("b");
+  await page.select("#body-speed", "2");
+  await reads(page, "#live-readout", /motion 2×$/);
+  await page.keyboard.up("x");
+  await close(opened);
+  assert.equal(await end(session), 143);
 });
 
 browser_test("a browser that does not read holds up nobody", async (t) => {

@@ -83,11 +83,34 @@ TEST(BrowserHand, HoldsNothingOnceItIsSilentOrHasLeft) {
 TEST(BrowserHand, PassesOverWhatIsMalformed) {
   BrowserHand hand(0);
   hand.receive(R"({"push": 1})", kStart);
-  for (const char* text :
-       {"", "push", "[]", "1", "null", "{\"push\": 1", R"({"push": 2})", R"({"push": -1.01})",
-        R"({"push": 1e999})", R"({"push": "1"})", R"({"push": null})", R"({"turn": true})", R"({"pedal": 1})",
-        R"({"next_hub": "yes"})", R"({"c_arm": 1})", R"({"c_arm": {"lao_deg": 1e9}})",
-        R"({"c_arm": {"zoom": 0}})", R"({"c_arm": {"table_mm": "high"}})", "{\"push\": \xff}"})
+  for (const char* text : {"",
+                           "push",
+                           "[]",
+                           "1",
+                           "null",
+                           "{\"push\": 1",
+                           R"({"push": 2})",
+                           R"({"push": -1.01})",
+                           R"({"push": 1e999})",
+                           R"({"push": "1"})",
+                           R"({"push": null})",
+                           R"({"turn": true})",
+                           R"({"pedal": 1})",
+                           R"({"next_hub": "yes"})",
+                           R"({"c_arm": 1})",
+                           R"({"c_arm": {"lao_deg": 1e9}})",
+                           R"({"body": 1})",
+                           R"({"body": {"hold": true}})",
+                           R"({"body": {"hold": {"breath": "now"}}})",
+                           R"({"body": {"hold": {"breath": 2}}})",
+                           R"({"body": {"speed": -1}})",
+                           R"({"body": {"speed": "fast"}})",
+                           R"({"body": {"gate": "heart"}})",
+                           R"({"body": {"gate": {"mode": 1}}})",
+                           R"({"body": {"gate": {"mode": "heart", "phase": 2}}})",
+                           R"({"c_arm": {"zoom": 0}})",
+                           R"({"c_arm": {"table_mm": "high"}})",
+                           "{\"push\": \xff}"})
     EXPECT_FALSE(hand.receive(text, kStart)) << text;
   EXPECT_FALSE(hand.receive(std::string(512, '['), kStart));
   EXPECT_EQ(hand.commands(kStart).insertion_mm_s, kPush_mm_s);
@@ -113,7 +136,7 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
       {.pose = {100, std::numbers::pi}, .load = {0.5, 2e-3}, .parts_mm = {{{1, 2, 3}, {4, 5, 6}}}});
   message.instruments.push_back({.pose = {}, .load = {}, .parts_mm = {{}, {{7, 8, 9}}}});
   const std::string bytes = packed(message);
-  EXPECT_EQ(bytes.substr(0, 4), std::string("\1\15\1\2", 4));
+  EXPECT_EQ(bytes.substr(0, 4), std::string("\2\15\1\2", 4));
   EXPECT_EQ(value_at<std::uint32_t>(bytes, 4), 7u);
   std::vector<float> rest;
   for (std::size_t at = 8; at < bytes.size(); at += 4) rest.push_back(value_at<float>(bytes, at));
@@ -126,8 +149,43 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
                                   whole(2), 1,        2,    3,        4,        5,        6,  //
                                   0,        0,        0,    0,        whole(2), whole(0), whole(1), 7,
                                   8,        9,  //
-                                  whole(2), whole(1), 350,  whole(3), 12.5f};
+                                  whole(2), whole(1), 350,  whole(3), 12.5f,    whole(0)};
   EXPECT_EQ(rest, wanted);
+
+  message.instruments.clear();
+  message.body_time_s = 20;
+  message.body_speed = 2;
+  message.modes = {{.is_held = true, .phase = 0.25, .trace = {0.5f, 0.75f}},
+                   {.is_gate = true, .phase = 0.5, .gate = 0.75, .trace = {0.125f, 1}}};
+  message.exposures_s = {19.5};
+  message.drums_moved_mm = {{0, 0, 0}, {1, 2, 3}, {0, 0, 0}, {4, 5, 6}};
+  const std::string moving = packed(message);
+  std::vector<float> body;
+  for (std::size_t at = 20 + 4 * 5; at < moving.size(); at += 4) body.push_back(value_at<float>(moving, at));
+  const std::vector<float> told{whole(2), 20,       2,    whole(1), 0.25f,    0,      whole(2), 0.5f,
+                                0.75f,    whole(2), 0.5f, 0.75f,    whole(2), 0.125f, 1,        whole(1),
+                                19.5f,    1,        2,    3,        4,        5,      6};
+  EXPECT_EQ(body, told);
+}
+
+TEST(BrowserHand, ChangesTheBodyOnce) {
+  BrowserHand hand(0);
+  ASSERT_TRUE(hand.receive(
+      R"({"body": {"hold": {"breath": true, "heart": 0.5}, "speed": 2, "gate": {"mode": "heart", "phase": 0.75}}})",
+      kStart));
+  ASSERT_TRUE(hand.receive(R"({"body": {"hold": {"breath": false}}})", kStart));
+  ASSERT_TRUE(hand.receive(R"({"push": 1})", kStart));
+  const BodyChanges body = hand.commands(kStart).body;
+  EXPECT_FALSE(body.holds.at("breath").is_held);
+  EXPECT_TRUE(body.holds.at("heart").is_held);
+  EXPECT_EQ(body.holds.at("heart").phase, 0.5);
+  EXPECT_EQ(body.speed, 2);
+  EXPECT_EQ(body.gate.value(), (PhaseGate{"heart", 0.75}));
+  EXPECT_TRUE(hand.commands(kStart).body.is_empty());
+  ASSERT_TRUE(hand.receive(R"({"body": {"gate": null}})", kStart));
+  const auto gate = hand.commands(kStart).body.gate;
+  ASSERT_TRUE(gate.has_value());
+  EXPECT_FALSE(gate->has_value());
 }
 
 // Two instruments of 200 points and 500 drums with contrast agent, as late in an angiogram; the JSON in

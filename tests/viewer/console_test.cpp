@@ -64,6 +64,13 @@ TEST_F(Console, PulsesAtItsRateWhileThePedalIsDown) {
   EXPECT_FALSE(console_.is_due(false, 10));
 }
 
+TEST_F(Console, PutsAPulseOffUntilTheGateOpens) {
+  EXPECT_FALSE(console_.is_due(true, 0, false));
+  for (int frame = 0; frame < 30; ++frame) EXPECT_FALSE(console_.is_due(true, 1.0 / 60, false));
+  EXPECT_TRUE(console_.is_due(true, 1.0 / 60, true));
+  EXPECT_FALSE(console_.is_due(true, 0, true)) << "one pulse, however many were put off";
+}
+
 TEST_F(Console, SubtractsWhatWasThereBefore) {
   expose(false);
   console_.subtract(true);

@@ -234,7 +234,7 @@ TEST_F(AtTheTable, TheRoadMapIsTheVesselsOutlineOfAView) {
   for (const glm::ivec2& pixel : before)
     same += static_cast<std::size_t>(std::ranges::count(after, pixel + glm::ivec2(0, 1)));
   EXPECT_GT(same, before.size() * 9 / 10);
-  intervention.has_road_map = false;
+  intervention.show_road_map(false);
   EXPECT_TRUE(intervention.road_map(view).empty());
 }
 

@@ -11,6 +11,7 @@
 #include <numbers>
 #include <optional>
 #include <thread>
+#include <utility>
 
 namespace xraycast::live_session_test {
 namespace {
@@ -41,10 +42,10 @@ class Outlet final : public LiveOutlet {
 /// Counts what it is asked for.
 class Painter final : public LivePainter {
  public:
-  bool is_due(bool is_live, double passed_s) override {
+  bool is_due(bool is_live, bool is_gate_open, double passed_s) override {
     live_frames += is_live;
     passed_s_ += passed_s;
-    return is_live && pulse_is_due;
+    return is_live && is_gate_open && pulse_is_due;
   }
   const LivePicture& draw(const Intervention& intervention) override {
     const CArmPose& pose = intervention.pose();
@@ -71,16 +72,26 @@ class Live : public testing::Test {
 
   Live() { begin({"cobra-5f"}); }
 
-  void begin(const std::vector<std::string>& models) {
+  void begin(const std::vector<std::string>& models, const BodyRequest& body = {}) {
     session_.reset();
     intervention_.emplace(
         Intervention::Options{.run = {.tree = std::make_shared<const VesselTree>(
                                           make_phantom("thorax").vessel_branches(), "thorax"),
-                                      .instruments = instruments_named(models)}});
+                                      .instruments = instruments_named(models),
+                                      .body = body}});
     session_.emplace(*intervention_, BodyBounds{.centre_mm = {0, 0, 100}, .half_height_mm = 50}, pose_,
                      painter_, [this](const std::string& line) { log_ += line + "\n"; });
     session_->add(outlet_);
     session_->add(other_);
+  }
+
+  /// A breath of 4 s, and a beat of half a second.
+  static BodyRequest breath_and_heart() {
+    const auto shift = [](double z_mm) { return affine_displacement(glm::dmat3(1), {0, 0, z_mm}); };
+    return {.motion = std::make_shared<const Motion>(
+                std::vector<MotionMode>{{"breath", 4, {}, {{0, nullptr}, {1, shift(4)}}},
+                                        {"heart", 0.5, {}, {{0, nullptr}, {0.4, shift(1)}}}},
+                "motion.json")};
   }
 
   void frames(int count) {
@@ -255,6 +266,65 @@ TEST_F(Live, HubsAreTakenAndTheValveIsLocked) {
   frames(3);
   EXPECT_EQ(intervention_->held_hub(), 1u);
   EXPECT_TRUE(intervention_->run().is_valve_locked());
+}
+
+TEST_F(Live, ExposesABodyAtItsOwnTime) {
+  begin({"cobra-5f"}, breath_and_heart());
+  outlet_.commanded.pedal = outlet_.wants = true;
+  std::vector<double> hearts;
+  for (int i = 0; i < 10; ++i) {
+    frames(4);
+    hearts.push_back(intervention_->phases().at(1));
+    EXPECT_EQ(intervention_->phases(), intervention_->run().now().phases);
+  }
+  EXPECT_GT(std::ranges::max(hearts) - std::ranges::min(hearts), 0.1);
+  outlet_.commanded.pedal = false;
+  frames(1);
+  const std::vector<double> held = intervention_->phases();
+  frames(10);
+  EXPECT_EQ(intervention_->phases(), held) << "the last image is held, and the body goes on";
+  EXPECT_NE(intervention_->run().now().phases, held);
+}
+
+TEST_F(Live, ExposesWhenAGateOpens) {
+  begin({"cobra-5f"}, breath_and_heart());
+  outlet_.commanded.pedal = outlet_.wants = true;
+  outlet_.commanded.body = parse_body_changes("gate heart 0.5");
+  frames(1);
+  outlet_.commanded.body = {};
+  long exposures = intervention_->exposures();
+  const double begin_s = intervention_->body()->time_s();
+  int gated = 0;
+  while (intervention_->body()->time_s() < begin_s + 2) {
+    frames(1);
+    if (std::exchange(exposures, intervention_->exposures()) == intervention_->exposures()) continue;
+    ++gated;
+    // A step or two late; a loaded machine wakes up later: 0.1 is 50 ms.
+    EXPECT_NEAR(intervention_->phases().at(1), 0.5, 0.1);
+  }
+  EXPECT_NEAR(gated, 4, 1);
+  EXPECT_NEAR(static_cast<double>(intervention_->body()->traces().exposures_s.size()), gated, 2);
+}
+
+TEST_F(Live, HoldsWhatClientsAskForAndSaysOnceWhatCannotBe) {
+  begin({"cobra-5f"}, breath_and_heart());
+  outlet_.commanded.body_texts = {"hold breath", "hold heart 0.25", "speed 2"};
+  frames(1);
+  outlet_.commanded.body_texts = {"hold cough"};
+  frames(3);
+  const LiveBody& body = *intervention_->body();
+  EXPECT_TRUE(body.modes()[0].is_held);
+  EXPECT_NEAR(body.modes()[1].phase, 0.25, 1e-9);
+  EXPECT_EQ(body.speed(), 2);
+  EXPECT_EQ(log_, "the body goes on as it did: the body has no mode cough; choose one of breath, heart\n");
+}
+
+TEST_F(Live, HasNoBodyToHoldWhereItIsStill) {
+  outlet_.commanded.body_texts = {"hold breath"};
+  frames(2);
+  EXPECT_EQ(intervention_->body(), nullptr);
+  EXPECT_TRUE(intervention_->phases().empty());
+  EXPECT_EQ(log_, "the body goes on as it did: the body is still, or its motion is not known\n");
 }
 
 }  // namespace

@@ -48,6 +48,25 @@ TEST(OperatorKeys, AreThoseThatDoSomethingNow) {
   EXPECT_THAT(keys_in(state), testing::IsSupersetOf({"Tab", "V"}));
 }
 
+TEST(OperatorKeys, HoldABodyInMotion) {
+  OperatorState state = at_the_table();
+  EXPECT_THAT(keys_in(state), Not(Contains("B")));
+  state.has_breath = true;
+  EXPECT_THAT(keys_in(state), testing::IsSupersetOf({"B", "W", ", ."}));
+  EXPECT_THAT(keys_in(state), Not(Contains("K"))) << "no heart";
+  EXPECT_EQ(what_does("B", state), "hold breath");
+  state.holds_breath = true;
+  EXPECT_EQ(what_does("B", state), "breathe on");
+  state.has_heart = state.holds_heart = true;
+  EXPECT_EQ(what_does("K", state), "heart beats on");
+  state.gate = "heart at 75 %";
+  EXPECT_EQ(what_does("W", state), "gate: on");
+  state.opens_gate = false;
+  EXPECT_THAT(advice_on(state), IsEmpty()) << "nobody exposes";
+  state.is_live = true;
+  EXPECT_THAT(advice_on(state), ElementsAre(HasSubstr("never opens (heart at 75 %)")));
+}
+
 TEST(OperatorKeys, ComeAndGoWithSubtractionAndRecordings) {
   OperatorState state = at_the_table();
   state.subtracts = state.is_masking = true;

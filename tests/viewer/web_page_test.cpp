@@ -1,6 +1,8 @@
 // What a page holds, unpacked again as the page does it.
 #include "xraycast/export/web_page.hpp"
 
+#include "xraycast/base/error.hpp"
+#include "xraycast/export/packed_lattice.hpp"
 #include "xraycast/export/packed_layers.hpp"
 #include "xraycast/export/packed_mesh.hpp"
 #include "xraycast/export/packed_numbers.hpp"
@@ -96,6 +98,90 @@ TEST(PackedLayers, HalvesAreThoseOfTheMap) {
     for (std::size_t i = 0; i < area; ++i)
       EXPECT_EQ(values[i], glm::packHalf1x16(map.layer(static_cast<int>(k))[i]));
   }
+}
+
+/// Of a breath there and back, 12 mm along z, and a heart of a map of 17 rows. Key maps own rows 5 to 9 but
+/// at the first phase of the heart.
+std::shared_ptr<const Motion> motion() {
+  const auto up = affine_displacement(glm::dmat3(1), {0, 0, 12}),
+             aside = affine_displacement(glm::dmat3(1), {3, 0, 0});
+  return std::make_shared<Motion>(std::vector<MotionMode>{{"breath", 4, {}, {{0, nullptr}, {1, up}}},
+                                                          {"heart", 0.8, {}, {{0, nullptr}, {0.5, aside}}}},
+                                  "motion.json");
+}
+
+BodyMap moving_map() {
+  BodyMap map = noisy_map();
+  map.geometry.top_mm = 90;
+  map.geometry.row_spacing_mm = 6;
+  const KeyPhases phases(*motion(), {{0, 0.5, 1}, {0, 0.5}});
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> depth(-0.1f, 3);
+  std::vector<KeyValues> values;
+  for (int key = 0; key < phases.count(); ++key) {
+    KeyValues& one = values.emplace_back();
+    one.rows = {phases.base_of(key), key % 2 == 0 ? 0 : 5, key % 2 == 0 ? 17 : 5};
+    std::vector<float>& texels = one.channels.emplace_back(2 * 30 * one.rows.count);
+    for (float& texel : texels) texel = depth(random);
+  }
+  auto keys = std::make_shared<KeyMaps>(phases, map.geometry, values);
+  return moving_map(std::move(map), std::move(keys));
+}
+
+TEST(PackedKeys, AreTheKeyMapsInWholeQuads) {
+  const BodyMap map = moving_map();
+  const KeyMaps& maps = *map.keys;
+  const PackedKeys packed = pack_keys(maps, map.geometry);
+  ASSERT_EQ(packed.rows.size(), 6u);
+  EXPECT_EQ(packed.first.byte_ranges, maps.ranges().front());
+  const auto full = [&](int key) {  // K x 17 x 30
+    std::vector<int> bytes;
+    for (int i = 0; i < 2 * 17; ++i) {
+      const KeyMaps::Key& owner = maps.keys()[static_cast<std::size_t>(maps.owner_of(key, i % 17))];
+      const int first = (i / 17 * owner.rows.count + i % 17 - owner.rows.first) * 30;
+      bytes.insert(bytes.end(), owner.channels[0].begin() + first, owner.channels[0].begin() + first + 30);
+    }
+    return bytes;
+  };
+  std::size_t at = 0;
+  for (int key = 1; key < 6; ++key) {
+    const KeyRows& rows = packed.rows[static_cast<std::size_t>(key)];
+    EXPECT_EQ(rows.first, key % 2 == 0 ? 0 : 4);
+    EXPECT_EQ(rows.count, key % 2 == 0 ? 17 : 8);
+    const std::vector<int> here = full(key), before = full(key % 2 == 1 ? key - 1 : key - 2);
+    for (int layer = 0; layer < 2; ++layer)
+      for (int i = rows.first * 30; i < (rows.first + rows.count) * 30; ++i) {
+        const auto place = static_cast<std::size_t>(layer * 17 * 30 + i);
+        ASSERT_EQ((before[place] + static_cast<unsigned char>(packed.others.at(at++))) % 256, here[place]);
+      }
+  }
+  EXPECT_EQ(at, packed.others.size());
+}
+
+TEST(PackedLattice, MovesPlacesAsTheMotionDoes) {
+  Progress progress;
+  const std::vector<glm::vec3> places_mm{{1, 2, 3}, {1.5, 2, 3}, {40, -20, 9}};
+  const PackedLattice lattice = pack_lattice(places_mm, *motion(), progress);
+  EXPECT_EQ(lattice.nodes, 16u);  // of two cells
+  EXPECT_EQ(lattice.first, (std::array<std::int64_t, 3>{0, -3, 0}));
+  EXPECT_EQ(lattice.size, (std::array<std::int64_t, 3>{7, 5, 3}));
+  std::size_t at = 0;
+  std::int64_t number = 0;
+  for (std::size_t i = 0; i < lattice.nodes; ++i) number += next_number(lattice.numbers, at);
+  EXPECT_EQ(number, (2 * 5 + 1) * 7 + 6);  // the last corner of the second cell
+  std::vector<std::int64_t> way(3 * lattice.nodes);
+  at = 0;
+  for (const double breath : lattice.phases[0])
+    for (const double heart : lattice.phases[1])
+      for (std::size_t i = 0; i < way.size(); ++i) {
+        way[i] += next_number(lattice.ways, at);
+        // Shifts: a place goes against the displacement, of the heart's spline as of the motion's.
+        const glm::dvec3 wanted_mm =
+            -motion()->held_at(std::vector{breath, heart}).displacement_mm({0, 0, 0});
+        EXPECT_NEAR(static_cast<double>(way[i]) * PackedLattice::kUnit_mm,
+                    wanted_mm[static_cast<int>(i / lattice.nodes)], 0.51 * PackedLattice::kUnit_mm + 1e-3);
+      }
+  EXPECT_EQ(at, lattice.ways.size());
 }
 
 TEST(PackedNumbers, KeepLargeAndNegativeOnes) {
@@ -221,6 +307,62 @@ TEST(WebPage, HoldsItsPartsInOneDeflatedStream) {
   float reach_mm = 0;
   std::memcpy(&reach_mm, part("reaches").data(), sizeof reach_mm);
   EXPECT_EQ(reach_mm, 60);
+}
+
+TEST(WebPage, OfABodyThatMovesHasItsModesAndKeyMaps) {
+  ExportRequest session;
+  session.map = std::make_shared<BodyMap>(moving_map());
+  session.vessels = Surface{tube()};
+  session.body = {
+      .motion = motion(), .phase = {{"breath", 0.25}}, .speed = 2, .gate = PhaseGate{"heart", 0.75}};
+  EXPECT_THAT(check(session), ::testing::IsEmpty());
+  const auto header_of = [](const ExportRequest& one) {
+    return nlohmann::json::parse(element_of(web_page(one), "session"));
+  };
+  const auto moves = header_of(session)["motion"];
+  EXPECT_EQ(moves["modes"][1]["phases"], nlohmann::json({0, 0.5}));
+  EXPECT_EQ(moves["rows"].size(), 6u);
+  EXPECT_EQ(moves["drawn_ranges"].size(), 4u);  // two layers in halves
+  EXPECT_EQ(moves["held"]["breath"], 0.25);
+  EXPECT_EQ(moves["gate"]["mode"], "heart");
+  EXPECT_GT(moves["lattice"]["nodes"], 8);
+  EXPECT_EQ(first_phases(session), (std::vector{0.25, 0.0}));
+
+  session.run = RecordedRun::of({InstrumentModel::named("cobra-5f")});
+  session.run->instruments[0].loads = {{}};
+  EXPECT_TRUE(header_of(session)["motion"].is_null());  // in a body that stood still
+  session.run->moves = true;
+  EXPECT_EQ(header_of(session)["run"]["moves"], true);
+  EXPECT_FALSE(header_of(session)["motion"].is_null());
+}
+
+TEST(WebPage, RefusesAMotionThatItCannotShow) {
+  ExportRequest session;
+  session.map = std::make_shared<BodyMap>(moving_map());
+  const auto refused = [&](auto change) {
+    ExportRequest changed = session;
+    change(changed);
+    return [changed] { check(changed); };
+  };
+  using ::testing::HasSubstr;
+  using ::testing::ThrowsMessage;
+  EXPECT_THAT(refused([](auto& one) { one.precision = MapPrecision::float16; }),
+              ThrowsMessage<InputError>(HasSubstr("leave out `precision`")));
+  EXPECT_THAT(refused([](auto& one) {
+                one.body.gate = PhaseGate{"hart", 0.5};
+              }),
+              ThrowsMessage<InputError>(HasSubstr("`gate` hart=0.5")));
+  EXPECT_THAT(refused([](auto& one) {
+                one.body.phase = {{"heart", 2}};
+              }),
+              ThrowsMessage<InputError>(HasSubstr("`phase`")));
+  EXPECT_THAT(refused([](auto& one) { one.body.speed = -1; }),
+              ThrowsMessage<InputError>(HasSubstr("`motion_speed` -1")));
+  EXPECT_THAT(refused([](auto& one) {
+                one.map = std::make_shared<BodyMap>(noisy_map());
+                one.body.speed = 2;
+              }),
+              ThrowsMessage<InputError>(HasSubstr("stands still")));
 }
 
 TEST(WebPage, OfALiveRunConnectsToItsOwnServerAlone) {

@@ -21,8 +21,15 @@ function window_in(text: string | null, first: State, otherwise: GreyWindow | nu
   return is_window ? { scale, dark, light, gamma: first.gamma, inverted: first.inverted } : otherwise;
 }
 
+/** `breath:0.3,heart:0.8`: those of the modes' phases that are named, 0 to 1; the others are 0. None where nothing is named. */
+function phases_in(text: string | null, modes: readonly string[]): number[] | null {
+  const named = new Map((text ?? "").split(",").map((word) => word.split(":")).map(([name, phase]) => [name ?? "", Number(phase)]));
+  const phases = modes.map((name) => named.get(name) ?? 0);
+  return modes.some((name) => named.has(name)) && phases.every((phase) => phase >= 0 && phase <= 1) ? phases : null;
+}
+
 /** `first`, but for what an address says. Fields that cannot be read are passed over. */
-export function state_of(hash: string, first: State): State {
+export function state_of(hash: string, first: State, modes: readonly string[] = []): State {
   const fields = new URLSearchParams(hash.replace(/^#/, "")), state = { ...first, pose: { ...first.pose } };
   state.pose.lao_deg = number_in(fields, "lao") ?? state.pose.lao_deg;
   state.pose.cranial_deg = number_in(fields, "cranial") ?? state.pose.cranial_deg;
@@ -35,6 +42,8 @@ export function state_of(hash: string, first: State): State {
   state.shows_vessels = flag_in(fields, "vessels") ?? state.shows_vessels;
   state.shows_road_map = flag_in(fields, "roadmap") ?? state.shows_road_map;
   state.is_bare = flag_in(fields, "ui") === false;
+  const phases = phases_in(fields.get("phase"), modes);
+  if (phases) Object.assign(state, { phases, is_paused: true });
   const hidden = fields.get("hide");
   if (hidden !== null) state.hidden_layers = hidden.split(",").map((k) => Number(k) - 1).filter((k) => Number.isInteger(k) && k >= 0);
   state.window = window_in(fields.get("window"), first, state.window);
@@ -50,7 +59,7 @@ const window_text = (window: GreyWindow | null) => (window ? [window.scale, wind
 const time_text = (time_s: number) => short(Math.ceil(1000 * time_s - 1e-6) / 1000, 3);
 
 /** The address of a state, without what is as it was first. */
-export function hash_of(state: State, first: State): string {
+export function hash_of(state: State, first: State, modes: readonly string[] = []): string {
   const fields: string[] = [];
   const add = (name: string, text_of: (state: State) => string) => text_of(state) !== text_of(first) && fields.push(`${name}=${text_of(state)}`);
   fields.push(`lao=${short(state.pose.lao_deg, 2)}`);
@@ -64,6 +73,7 @@ export function hash_of(state: State, first: State): string {
   add("roadmap", ({ shows_road_map }) => (shows_road_map ? "1" : "0"));
   add("hide", ({ hidden_layers }) => hidden_layers.map((k) => k + 1).join());
   add("window", ({ window }) => window_text(window));
+  if (state.is_paused) fields.push(`phase=${modes.map((name, m) => `${name}:${short(state.phases[m] ?? 0, 4)}`).join()}`);
   if (state.is_bare) fields.push("ui=0");
   return `#${fields.join("&")}`;
 }

@@ -1,11 +1,11 @@
 // Draws a session in passes, as `xraycast render` does (viewer/xraycast/drawing/renderer.hpp): the body's optical depth; the
 // surfaces, opaque or absorbing; the body in front of opaque ones; and the display, which makes greys of these.
 import { Absorbed, absorbed_by, covered_by } from "./absorption";
-import type { MapGeometry, Surface } from "./data";
+import type { KeyMapData, MapGeometry, Surface } from "./data";
+import { DeviceMap, HalvedMap, MapDrawing, MovingMap } from "./device_map";
 import { ComingReds, Program, Table, Target, Texture, Triangles } from "./gl";
 import type { GreyWindow } from "./grey_window";
-import { drawn_bands, texel_sizes, with_half_the_rows } from "./layers";
-import { clustered, normals_of } from "./mesh";
+import { in_clusters, kCluster_mm, normals_of } from "./mesh";
 import { Rectified, rectified_view } from "./rectified";
 import { Sampler } from "./samples";
 import row_steps_glsl from "../../viewer/shaders/row_steps.glsl";
@@ -27,6 +27,7 @@ export interface Style {
   window: GreyWindow;
   full_contrast: boolean; // surfaces keep the contrast that the window takes from the body
   detail: Detail;
+  is_moving: boolean; // a picture of a motion, of the C-arm or the body: surfaces are added up on the device
   outlined: Surface | null; // in pictures of a motion
   outline_colour: readonly number[]; // 0 to 255
 }
@@ -42,17 +43,6 @@ export const kFull: Detail = { pixels_per_column: 1, texels_per_step: 3 };
 export const kQuick: Detail = { pixels_per_column: 2, texels_per_step: 12 };
 
 const kSampled = { map_texels: 0, column_table: 1, sample_table: 2 }; // texture units
-
-/** A map on the graphics device. */
-class DeviceMap {
-  readonly texels: Texture;
-  constructor(gl: WebGL2RenderingContext, readonly map: MapGeometry, tau: Float32Array) {
-    this.texels = new Texture(gl, gl.RGBA16F, gl.TEXTURE_2D_ARRAY);
-    const { layers, columns, quads } = texel_sizes(map);
-    this.texels.resize_layers(quads, columns, layers);
-    for (const band of drawn_bands(map, tau)) this.texels.fill_layers(band.values, band.first_quad, band.quads, columns, layers);
-  }
-}
 
 /** The body in a view: kept until map, view or style change. */
 class BodyPicture {
@@ -125,13 +115,13 @@ class BodyPicture {
 }
 
 const kMostMeshes = 12; // on the device: vessels, also as clusters, and the parts of three instruments, which move
-const kFewToCluster = 3 * 20_000; // corners: fewer are drawn as soon as clusters of them
-const kCluster_mm = 2; // of surfaces in pictures of a motion, where that is less than two pixels
 
 export class Renderer {
   private readonly programs: { columns: Program; near_columns: Program; display: Program; surface: Program; thickness: Program };
   private readonly whole: DeviceMap;
-  private readonly halved: DeviceMap; // of half the rows, for pictures of a motion
+  private readonly moving: MovingMap | null; // the same, of a body that moves
+  private readonly halved: HalvedMap; // of half the rows, for pictures of a motion
+  private is_halved = false; // as the whole map is now
   private readonly body: BodyPicture;
   private readonly quick_body: BodyPicture;
   private readonly coarse_body: BodyPicture; // for automatic windows
@@ -150,7 +140,7 @@ export class Renderer {
   private last_covered: { key: string; absorbed: Absorbed | null } | null = null;
 
   /** Throws where the context cannot draw into textures of floats. */
-  constructor(private readonly gl: WebGL2RenderingContext, map: MapGeometry, tau: Float32Array) {
+  constructor(private readonly gl: WebGL2RenderingContext, map: MapGeometry, source: Float32Array | KeyMapData) {
     if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("this device cannot draw into textures of floats");
     this.programs = {
       columns: new Program(gl, screen_vert, row_steps_glsl + columns_glsl + columns_frag),
@@ -160,10 +150,11 @@ export class Renderer {
       thickness: new Program(gl, surface_vert, thickness_frag),
     };
     this.adds_floats = gl.getExtension("EXT_float_blend") !== null;
-    const sampler = (this.sampler = new Sampler(map));
-    const half = with_half_the_rows(map, tau);
-    this.whole = new DeviceMap(gl, map, tau);
-    this.halved = new DeviceMap(gl, half.map, half.tau);
+    const sampler = (this.sampler = new Sampler(map)), drawing = new MapDrawing(gl);
+    this.moving = source instanceof Float32Array ? null : new MovingMap(drawing, map, source);
+    this.whole = this.moving ?? new DeviceMap(gl, map);
+    if (source instanceof Float32Array) this.whole.fill(source);
+    this.halved = new HalvedMap(drawing, this.whole);
     this.body = new BodyPicture(gl, this.whole, sampler);
     this.quick_body = new BodyPicture(gl, this.halved, sampler);
     this.coarse_body = new BodyPicture(gl, this.whole, sampler);
@@ -179,7 +170,28 @@ export class Renderer {
   /** One weight per layer, 0 hides it; none: 1 everywhere. */
   set_weights(weights: readonly number[]): void {
     this.sampler.set_weights(weights);
+    this.forget_bodies();
+  }
+
+  private forget_bodies(): void {
     for (const body of [this.body, this.quick_body, this.coarse_body, this.quick_coarse_body]) body.forget();
+  }
+
+  /** Key maps that are still to be loaded; 0 where the body does not move. */
+  get keys_left(): number {
+    return this.moving?.keys_left ?? 0;
+  }
+
+  /** Loads another of them, which takes a while. Until they are all here, the body stands still. */
+  add_key(): void {
+    this.moving?.add_key();
+  }
+
+  /** The instant of a body that moves: one phase a mode. */
+  set_phases(phases: readonly number[]): void {
+    if (!this.moving?.blend(phases)) return;
+    this.is_halved = false;
+    this.forget_bodies();
   }
 
   /** The picture, on the canvas. */
@@ -194,13 +206,13 @@ export class Renderer {
 
   /** The optical depths of a small picture of the same, in any order. */
   coarse_tau(view: View, surfaces: readonly Surface[], style: Style): Float32Array {
-    this.draw_coarse(this.coarse_body, view, surfaces, { ...style, detail: kFull, outlined: null });
+    this.draw_coarse(this.coarse_body, view, surfaces, { ...style, detail: kFull, is_moving: false, outlined: null });
     return this.tau_target.red();
   }
 
   /** Nearly the same, once the device has drawn it; none before. */
   coarse_tau_later(view: View, surfaces: readonly Surface[], style: Style): ComingReds {
-    this.draw_coarse(this.quick_coarse_body, view, surfaces, { ...style, detail: kQuick, outlined: null });
+    this.draw_coarse(this.quick_coarse_body, view, surfaces, { ...style, detail: kQuick, is_moving: true, outlined: null });
     return this.tau_target.red_later();
   }
 
@@ -218,14 +230,14 @@ export class Renderer {
 
   /** What one surface alone absorbs in a view; kept until that changes. */
   covered_by(view: View, surface: Surface): Absorbed | null {
-    const key = JSON.stringify(view);
+    const key = JSON.stringify([view, surface.mesh.moves]);
     if (this.last_covered?.key !== key) this.last_covered = { key, absorbed: covered_by(surface, view) };
     return this.last_covered.absorbed;
   }
 
   /** What surfaces absorb in a view; kept until one of them changes. */
   private absorbed_in(view: View, surfaces: readonly Surface[]): Absorbed | null {
-    const key = JSON.stringify(view), last = this.last_absorbed;
+    const key = JSON.stringify([view, surfaces.map(({ mesh }) => mesh.moves)]), last = this.last_absorbed;
     if (last && last.key === key && last.surfaces.length === surfaces.length && surfaces.every((s, i) => s === last.surfaces[i]))
       return last.absorbed;
     const absorbed = absorbed_by(surfaces, view);
@@ -241,6 +253,10 @@ export class Renderer {
 
   private draw_passes(body: BodyPicture, view: View, surfaces: readonly Surface[], style: Style): void {
     this.gl.bindVertexArray(this.no_vertices);
+    if ((body === this.quick_body || body === this.quick_coarse_body) && !this.is_halved) {
+      this.halved.draw();
+      this.is_halved = true;
+    }
     body.draw(view, style.detail, this.programs.columns);
     if (this.adds_up(surfaces, style)) this.draw_thickness(view, surfaces, style);
     if (surfaces.length === 0) return;
@@ -249,8 +265,8 @@ export class Renderer {
   }
 
   /** Whether pictures of a motion add up the surfaces' thickness on the device: nearly what they absorb, and soon. */
-  adds_up(surfaces: readonly Surface[], { detail, outlined }: Style): boolean {
-    return detail === kQuick && this.adds_floats && [...surfaces, ...(outlined ? [outlined] : [])].every((surface) => surface.is_closed);
+  adds_up(surfaces: readonly Surface[], { is_moving, outlined }: Style): boolean {
+    return is_moving && this.adds_floats && [...surfaces, ...(outlined ? [outlined] : [])].every((surface) => surface.is_closed);
   }
 
   private draw_thickness(view: View, surfaces: readonly Surface[], { look, outlined }: Style): void {
@@ -280,9 +296,13 @@ export class Renderer {
   }
 
   private clusters_of(surface: Surface): Surface {
-    if (surface.weights || surface.tube_sides || surface.mesh.triangles.length < kFewToCluster) return surface;
+    if (surface.clusters) return surface.clusters; // that move with it
+    if (surface.weights || surface.tube_sides) return surface;
     let clusters = this.clusters.get(surface);
-    if (!clusters) this.clusters.set(surface, (clusters = { ...surface, mesh: clustered(surface.mesh, kCluster_mm) }));
+    if (!clusters) {
+      const mesh = in_clusters(surface.mesh);
+      this.clusters.set(surface, (clusters = mesh === surface.mesh ? surface : { ...surface, mesh }));
+    }
     return clusters;
   }
 
@@ -297,7 +317,12 @@ export class Renderer {
       triangles = new Triangles(this.gl);
       const { mesh, weights } = surface;
       triangles.fill(mesh.points_mm, normals_of(mesh), mesh.triangles, weights, tube_of(surface)?.from_axis_mm);
+      triangles.moves = mesh.moves;
       this.triangles.set(surface.mesh, triangles);
+    }
+    if (triangles.moves !== surface.mesh.moves) {
+      triangles.move(surface.mesh.points_mm, normals_of(surface.mesh));
+      triangles.moves = surface.mesh.moves;
     }
     return triangles;
   }

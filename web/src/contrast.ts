@@ -1,16 +1,18 @@
 // Vessels filled unevenly with contrast agent (viewer/xraycast/scene/contrast_surface.hpp).
 import type { Contrast, Surface } from "./data";
+import type { FilledDrum } from "./live_message";
 
 /** The drums that hold some, each with its own attenuation; none where none does. */
-export function filled(whole: Contrast, drums: readonly { drum: number; mg_ml: number }[]): Surface | null {
+export function filled(whole: Contrast, drums: readonly FilledDrum[]): Surface | null {
   const { drum_points, drum_triangles, mesh } = whole, count = mesh.points_mm.length / 3 / drum_points;
   const known = drums.filter(({ drum }) => drum < count);
   if (known.length === 0) return null;
   const points_mm = new Float32Array(3 * drum_points * known.length), weights = new Float32Array(drum_points * known.length);
   const triangles = new Uint32Array(3 * drum_triangles * known.length);
-  known.forEach(({ drum, mg_ml }, i) => {
+  known.forEach(({ drum, mg_ml, moved_mm }, i) => {
     const first = drum_points * drum, moved = drum_points * i - first;
     points_mm.set(mesh.points_mm.subarray(3 * first, 3 * (first + drum_points)), 3 * drum_points * i);
+    if (moved_mm) for (let at = 3 * drum_points * i; at < 3 * drum_points * (i + 1); ++at) points_mm[at]! += moved_mm[at % 3]!;
     weights.fill(mg_ml, drum_points * i, drum_points * (i + 1));
     for (let corner = 0; corner < 3 * drum_triangles; ++corner)
       triangles[3 * drum_triangles * i + corner] = mesh.triangles[3 * drum_triangles * drum + corner]! + moved;

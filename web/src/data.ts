@@ -2,6 +2,10 @@
 // (viewer/xraycast/export/web_page.hpp).
 import type { CArmPose, PoseLimits } from "./c_arm_pose";
 import type { GreyWindow } from "./grey_window";
+import { KeyRows, key_before, owner_of } from "./key_maps";
+import type { ModeHeader } from "./motion_mode";
+import { Lattice, LatticeHeader, lattice_of } from "./moving_lattice";
+import { Numbers } from "./numbers";
 import type { Vec3 } from "./vectors";
 import type { Bounds, Cone } from "./view";
 
@@ -18,6 +22,17 @@ interface MapHeader {
   bounds: Bounds;
   precision: "byte" | "half";
   ranges: [number, number][]; // of bytes: a layer's offset and scale
+}
+
+/** Of a body that moves. */
+interface MotionHeader {
+  modes: ModeHeader[];
+  rows: [base: number, first: number, count: number][]; // of each key map: see KeyRows
+  drawn_ranges: [number, number][]; // of the bytes of each drawn layer: offset and scale
+  lattice: LatticeHeader | null; // how vessels move; none: they do not
+  held: Record<string, number>; // modes that are held at first, and their phases
+  speed: number;
+  gate: { mode: string; phase: number } | null;
 }
 
 interface MeshHeader {
@@ -51,12 +66,14 @@ interface RunHeader {
   pictures: number;
   step_s: number;
   unit_mm: number;
+  moves: boolean; // its time is that of the body's motion
 }
 
 interface LiveHeader {
   instruments: InstrumentHeader[];
   contrast: MeshHeader & Matter & Drums;
   has_hub: boolean; // the page moves the hubs
+  modes?: string[]; // of the body in motion, in order
 }
 
 /** Of contrast agent: a mesh has so many points and triangles for each, one drum behind the other. */
@@ -76,6 +93,7 @@ export interface Header {
   title: string;
   viewer: ViewerHeader;
   map: MapHeader;
+  motion: MotionHeader | null; // none: the body stands still
   vessels: (MeshHeader & Matter) | null;
   catheters: (MeshHeader & Matter)[];
   run: RunHeader | null;
@@ -98,14 +116,29 @@ export interface MapGeometry extends MapHeader {
   scales: Float32Array; // of every column: its outline's share of the largest radius
 }
 
+/** The key maps' own rows: K x count x W bytes of each. */
+export interface KeyMapData {
+  modes: ModeHeader[];
+  rows: KeyRows[];
+  bytes: Uint8Array[];
+  drawn_ranges: [number, number][];
+}
+
+export interface Motion extends Omit<MotionHeader, "lattice" | "rows"> {
+  keys: KeyMapData;
+  lattice: Lattice | null;
+}
+
 export interface Mesh {
   points_mm: Float32Array; // x, y, z
   triangles: Uint32Array; // three corners, counter-clockwise from outside
+  moves?: number; // how often the points were moved, in place
 }
 
 export interface Surface extends Matter {
   mesh: Mesh;
   weights?: Float32Array; // of mu_per_mm, one a point, the same at a triangle's corners; seen by X-rays alone
+  clusters?: Surface; // of a surface that moves: the same with fewer points, which move with it
 }
 
 export interface RunInstrument extends RunInstrumentHeader {
@@ -126,7 +159,8 @@ export interface Live extends LiveHeader {
 export interface SessionData {
   header: Header;
   map: MapGeometry;
-  tau: Float32Array; // K x H x W
+  tau: Float32Array; // K x H x W; of a body that moves there are key maps instead
+  motion: Motion | null;
   vessels: Surface | null;
   catheters: Surface[];
   run: Run | null;
@@ -138,22 +172,6 @@ async function inflated(base64: string): Promise<Uint8Array> {
   for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
-/** Signed numbers: seven bits a byte, the lowest first, the sign in the lowest bit. */
-class Numbers {
-  private at = 0;
-  constructor(private readonly bytes: Uint8Array) {}
-
-  next(): number {
-    let value = 0, times = 1, byte: number;
-    do {
-      byte = this.bytes[this.at++] ?? 0;
-      value += (byte & 127) * times;
-      times *= 128;
-    } while (byte & 128);
-    return value % 2 === 0 ? value / 2 : -(value + 1) / 2;
-  }
 }
 
 /** What the values to the left, above, and above to the left predict: the median edge detector of JPEG-LS. */
@@ -208,6 +226,33 @@ function tau_of(map: MapHeader, packed: Uint8Array): Float32Array {
   return tau;
 }
 
+/** The first key map is packed as a map that stands still; of the others there are differences from the key map before. */
+function key_maps_of({ modes, rows: all, drawn_ranges }: MotionHeader, map: MapHeader, first: Uint8Array, packed: Uint8Array): KeyMapData {
+  const { width, height, layers } = map, area = width * height, rows = all.map(([base, first, count]) => ({ base, first, count }));
+  const bytes = [first.slice()];
+  for (let k = 0; k < layers; ++k) unpredict(bytes[0]!.subarray(k * area, (k + 1) * area), width, height);
+  for (let key = 1, from = 0; key < rows.length; ++key) {
+    const { first, count } = rows[key]!, own = packed.slice(from, from + layers * count * width), before = key_before(modes, key);
+    from += own.length;
+    for (let row = first; row < first + count; ++row) {
+      const owner = owner_of(rows, before, row), { first: its_first, count: its_count } = rows[owner]!, there = bytes[owner]!;
+      for (let k = 0; k < layers; ++k) {
+        const to = (k * count + row - first) * width, at = (k * its_count + row - its_first) * width;
+        for (let i = 0; i < width; ++i) own[to + i] = own[to + i]! + there[at + i]!;
+      }
+    }
+    bytes.push(own);
+  }
+  return { modes, rows, bytes, drawn_ranges };
+}
+
+function motion_of(header: MotionHeader, map: MapHeader, part: (name: string) => Uint8Array): Motion {
+  return {
+    ...header, keys: key_maps_of(header, map, part("layers"), part("keys")),
+    lattice: header.lattice && lattice_of(header.lattice, header.modes, part("lattice_nodes"), part("lattice_ways")),
+  };
+}
+
 function mesh_of(header: MeshHeader, points: Uint8Array, triangles: Uint8Array): Mesh {
   const steps = new Int32Array(3 * header.points), indices = new Uint32Array(3 * header.triangles);
   let numbers = new Numbers(points);
@@ -251,7 +296,8 @@ export async function session_of(header: Header, base64: string): Promise<Sessio
   const shapes_of_instrument = (instrument: RunInstrumentHeader, d: number): RunInstrument =>
     ({ ...instrument, shapes: instrument.parts.map((_, p) => shapes_of(run!, part(`shapes_${d}_${p}`))) });
   return {
-    header, map, tau: tau_of(header.map, part("layers")), vessels: header.vessels && surface_of(header.vessels, "vessel"),
+    header, map, tau: header.motion ? new Float32Array(0) : tau_of(header.map, part("layers")),
+    motion: header.motion && motion_of(header.motion, header.map, part), vessels: header.vessels && surface_of(header.vessels, "vessel"),
     catheters: header.catheters.map((catheter, i) => surface_of(catheter, `catheter_${i}`)),
     run: run && { ...run, instruments: run.instruments.map(shapes_of_instrument) },
     live: live && { ...live, contrast: surface_of(live.contrast, "contrast") },

@@ -40,6 +40,7 @@ export class Program {
     else if (typeof value === "number") type === gl.FLOAT ? gl.uniform1f(place, value) : gl.uniform1i(place, value);
     else if (type === gl.FLOAT_VEC2) gl.uniform2fv(place, value);
     else if (type === gl.FLOAT_VEC3) gl.uniform3fv(place, value);
+    else if (type === gl.FLOAT_VEC4) gl.uniform4fv(place, value);
     else if (type === gl.FLOAT_MAT3) gl.uniformMatrix3fv(place, false, value);
     else gl.uniformMatrix4fv(place, false, value);
   }
@@ -61,6 +62,13 @@ export class Texture {
   bind(unit: number): void {
     this.gl.activeTexture(this.gl.TEXTURE0 + unit);
     this.gl.bindTexture(this.target, this.id);
+  }
+
+  /** Draws into columns of a layer from now on: of the bound framebuffer. */
+  draw_into(layer: number, x: number, width: number, height: number): void {
+    const { gl } = this;
+    gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, this.id, 0, layer);
+    gl.viewport(x, 0, width, height);
   }
 
   private layout(): [number, number] {
@@ -94,7 +102,7 @@ export class Texture {
   }
 
   /** Columns of texels in all layers. */
-  fill_layers(values: Float32Array, x: number, width: number, height: number, layers: number): void {
+  fill_layers(values: Float32Array | Uint8Array, x: number, width: number, height: number, layers: number): void {
     this.bind(0);
     this.gl.texSubImage3D(this.target, 0, x, 0, 0, width, height, layers, ...this.layout(), values);
   }
@@ -214,6 +222,7 @@ export class Triangles {
   private readonly vertices: WebGLVertexArrayObject;
   private readonly buffers: WebGLBuffer[];
   private count = 0;
+  moves: number | undefined; // as of the mesh whose points these are
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     this.vertices = gl.createVertexArray()!;
@@ -237,6 +246,14 @@ export class Triangles {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.DYNAMIC_DRAW);
     gl.bindVertexArray(null);
     this.count = triangles.length;
+  }
+
+  /** Of the same triangles. */
+  move(points: Float32Array, normals: Float32Array): void {
+    [points, normals].forEach((values, attribute) => {
+      this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.buffers[attribute]!);
+      this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, values);
+    });
   }
 
   remove(): void {

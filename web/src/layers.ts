@@ -50,14 +50,3 @@ export function* drawn_bands(map: MapGeometry, tau: Float32Array, quads_per_band
     yield { first_quad, quads, values };
   }
 }
-
-/** The same map with half the rows, each the mean of two, for pictures that are too coarse to show them. */
-export function with_half_the_rows(map: MapGeometry, tau: Float32Array): { map: MapGeometry; tau: Float32Array } {
-  const height = Math.ceil(map.height / 2), halved_tau = new Float32Array(map.layers * height * map.width);
-  for (let k = 0, to = 0; k < map.layers; ++k)
-    for (let j = 0; j < height; ++j) {
-      const upper = (k * map.height + 2 * j) * map.width, lower = 2 * j + 1 < map.height ? upper + map.width : upper;
-      for (let i = 0; i < map.width; ++i) halved_tau[to++] = 0.5 * (tau[upper + i]! + tau[lower + i]!);
-    }
-  return { map: { ...map, height, row_mm: 2 * map.row_mm, top_mm: map.top_mm - 0.5 * map.row_mm }, tau: halved_tau };
-}

@@ -1,4 +1,5 @@
 // A live session: the picture follows the server, and the controls on the page steer.
+import { BodyChange, BodyControls } from "./live_body";
 import { Connection, Role } from "./connection";
 import { filled } from "./contrast";
 import type { Live } from "./data";
@@ -7,7 +8,7 @@ import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
 import type { Picture } from "./picture";
-import type { Store } from "./state";
+import type { State, Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
 import { Loads, LoadChart } from "./load_chart";
 
@@ -60,6 +61,7 @@ const socket_address = ({ origin, search }: Location) => `${origin.replace(/^htt
 
 export class LiveView {
   private readonly chart: LoadChart;
+  private readonly body: BodyControls | null;
   private readonly loads: LastLoads;
   private readonly steering: Steering;
   private readonly connection: Connection | null;
@@ -77,6 +79,8 @@ export class LiveView {
     this.show_keys(false);
     this.loads = new LastLoads(names);
     this.chart = new LoadChart(names, (hub) => this.loads.of(hub));
+    this.body = live.modes?.length ? new BodyControls(live.modes, (body) => this.send(undefined, body)) : null;
+    if (this.body) addEventListener("keydown", (event) => this.press(event), { capture: true });
     this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send(action));
     this.connection = location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
@@ -98,6 +102,7 @@ export class LiveView {
       return this.notes.state((error as Error).message);
     }
     this.loads.add(this.newest);
+    if (this.newest.body) this.body?.told(this.newest.body);
     if (this.is_due) return;
     this.is_due = true; // messages that come while a picture is drawn are passed over
     requestAnimationFrame(() => {
@@ -115,14 +120,24 @@ export class LiveView {
       const instruments = this.live.instruments.flatMap((instrument, d) => surfaces_of(instrument, message.instruments[d]?.parts_mm ?? []));
       const contrast = filled(this.live.contrast, message.filled);
       this.picture.live = contrast ? [...instruments, contrast] : instruments;
+      this.move_body(message);
       this.redraw();
     }
     document.documentElement.dataset.exposures = String(message.exposures);
     this.chart.draw();
+    this.body?.draw();
     const now_ms = performance.now();
     if (now_ms - this.shown_ms < kReadout_ms) return;
     this.shown_ms = now_ms;
     this.read_out(message);
+  }
+
+  /** The picture's body, where the page has the maps of a body that moves. */
+  private move_body({ body }: LiveMessage): void {
+    if (!body) return;
+    const phases = body.modes.map(({ phase }) => phase), change: object = { phases };
+    if ("phases" in this.store.state) this.store.update(change as Partial<State>);
+    document.documentElement.dataset.phases = phases.map((phase) => phase.toFixed(4)).join();
   }
 
   /** Without the pedal the picture stays as the C-arm stood at the last exposure. */
@@ -139,7 +154,9 @@ export class LiveView {
     element("live-readout").textContent = [
       `${this.live.instruments[held_hub]?.name ?? ""} ${fixed(held?.insertion_mm ?? 0, 0)} mm, ${fixed(held?.rotation_deg ?? 0, 0)}°`,
       `${exposes ? "fluoroscopy" : "held picture"} ${message.fluoroscopy_s.toFixed(0)} s`, `${!injects ? "" : message.has_outlet ? "injecting, " : "no lumen is free, draw the wire back to 0 mm to inject; "}${message.injected_ml.toFixed(0)} ml`,
+      ...(this.body?.state ? [this.body.state] : []),
     ].join("  ·  ");
+    this.body?.show();
     element("inject").setAttribute("aria-pressed", String(injects));
     element("valve").setAttribute("aria-pressed", String(message.is_valve_locked));
   }
@@ -150,7 +167,7 @@ export class LiveView {
     this.show_keys(steers);
     const others = browsers > 1 ? `; ${browsers} browsers are connected` : "";
     element("live-role").textContent = (steers ? this.live.has_hub ? "You steer" : "You have pedal and injector" : "You watch; another browser steers") + others;
-    for (const button of element("live").querySelectorAll("button")) button.disabled = !steers;
+    for (const button of element("live").querySelectorAll<HTMLButtonElement | HTMLSelectElement>("button, select")) button.disabled = !steers;
     if (steers && document.activeElement === document.body) this.stage.focus({ preventScroll: true }); // Tab holds the next instrument
     this.send();
   }
@@ -158,7 +175,7 @@ export class LiveView {
   /** Under Help. */
   private show_keys(steers: boolean): void {
     const moves_hub = steers && this.live.has_hub, has_valve = moves_hub && this.live.instruments.length > 1;
-    const applies: Record<string, boolean> = { steers, hub: moves_hub, valve: has_valve, arrows: !moves_hub, inverted: !steers, vessels: !has_valve, run: false };
+    const applies: Record<string, boolean> = { steers, body: steers && this.body !== null, hub: moves_hub, valve: has_valve, arrows: !moves_hub, inverted: !steers, vessels: !has_valve, run: false };
     for (const row of document.querySelectorAll<HTMLElement>("[data-keys]")) row.hidden = !applies[row.dataset.keys!];
   }
 
@@ -175,11 +192,19 @@ export class LiveView {
     this.send();
   }
 
-  private send(action?: SteeringAction): void {
+  private press(event: KeyboardEvent): void {
+    if (!this.steering.steers || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+    if ((event.target as HTMLElement).matches("input, select") || !this.body!.takes(event.key.toLowerCase())) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+  }
+
+  private send(action?: SteeringAction, body?: BodyChange): void {
     if (!this.steering.steers) return;
     const { pose } = this.store.state, message: Record<string, unknown> = { ...this.steering.held };
     if (this.has_moved) message.c_arm = { lao_deg: pose.lao_deg, cranial_deg: pose.cranial_deg, zoom: pose.zoom, table_mm: pose.table_mm };
     if (action) message[action] = true;
+    if (body) message.body = body;
     this.has_moved = false;
     this.connection!.send(message);
   }

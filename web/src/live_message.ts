@@ -21,10 +21,34 @@ export interface LiveMessage {
   fluoroscopy_s: number;
   injected_ml: number;
   instruments: LiveInstrument[]; // from the outermost on
-  filled: { drum: number; mg_ml: number }[]; // with contrast agent
+  filled: FilledDrum[]; // with contrast agent
+  body: LiveBody | null; // in motion
 }
 
-const kFormat = 1;
+export interface FilledDrum {
+  drum: number;
+  mg_ml: number;
+  moved_mm?: Vec3; // by a body in motion
+}
+
+/** A mode of the body, and what is new of its trace. */
+export interface LiveMode {
+  is_held: boolean;
+  gate: number | null; // the phase that exposures wait for
+  phase: number; // at the last exposure
+  trace: number[]; // since the last message, kTraceStep_s apart up to time_s
+}
+
+export interface LiveBody {
+  time_s: number;
+  speed: number;
+  modes: LiveMode[]; // in the motion's order
+  exposures_s: number[]; // since the last message
+}
+
+export const kTraceStep_s = 0.005;
+
+const kFormat = 2, kIsHeld = 1, kIsGate = 2;
 
 /** Throws where the message is of another format, or too short. */
 export function message_of(bytes: ArrayBuffer): LiveMessage {
@@ -36,14 +60,26 @@ export function message_of(bytes: ArrayBuffer): LiveMessage {
   if (byte() !== kFormat) throw new Error("the server is of another version; open its page again");
   const flags = byte(), held_hub = byte(), instruments = byte();
   const point = (): Vec3 => [real(), real(), real()];
-  return {
+  const mode = (): LiveMode => {
+    const marks = whole(), phase = real(), gate = real();
+    return { is_held: (marks & kIsHeld) !== 0, gate: (marks & kIsGate) !== 0 ? gate : null, phase, trace: list(real) };
+  };
+  const body = (filled: FilledDrum[]): LiveBody | null => {
+    const modes = limited(whole(), bytes);
+    if (modes === 0) return null;
+    const told = { time_s: real(), speed: real(), modes: Array.from({ length: modes }, mode), exposures_s: list(real) };
+    for (const drum of filled) drum.moved_mm = point();
+    return told;
+  };
+  const message = {
     exposes: (flags & 1) !== 0, injects: (flags & 2) !== 0, is_valve_locked: (flags & 4) !== 0, has_outlet: (flags & 8) !== 0, held_hub,
     exposures: whole(), time_s: real(), fluoroscopy_s: real(), injected_ml: real(),
     instruments: Array.from({ length: instruments }, () => ({
       insertion_mm: real(), rotation_deg: real(), force_N: real(), torque_mNm: real(), parts_mm: list(() => list(point)),
     })),
-    filled: list(() => ({ drum: whole(), mg_ml: real() })),
+    filled: list((): FilledDrum => ({ drum: whole(), mg_ml: real() })),
   };
+  return { ...message, body: body(message.filled) };
 }
 
 /** No list is longer than its message. */

@@ -3,6 +3,7 @@ import { hash_of, state_of } from "./address";
 import type { CArmPose } from "./c_arm_pose";
 import { Header, SessionData, session_of } from "./data";
 import { shown_time_s } from "./instrument_shape";
+import { MotionPlayer, RunTraces } from "./motion_player";
 import { RunPlayer } from "./run_player";
 import { Actions, PictureControls } from "./picture_controls";
 import { LiveView } from "./live";
@@ -26,10 +27,38 @@ const notes = new Notes((words) => {
   element("note").hidden = words === "";
 });
 
+/** Whether pictures of a body that moves come too slowly to be drawn fully. */
+class Pace {
+  private last_ms = 0;
+  private pictures = 0;
+  private sum_ms = 0;
+  private slow = false;
+
+  is_slow(now_ms: number): boolean {
+    const kSlow_ms = 60, kPictures = 6, step_ms = now_ms - this.last_ms;
+    this.last_ms = now_ms;
+    if (step_ms > 1000) return this.slow; // the first, or after a rest
+    this.sum_ms += step_ms;
+    if (++this.pictures < kPictures) return this.slow;
+    this.slow ||= this.sum_ms > kSlow_ms * this.pictures;
+    this.pictures = this.sum_ms = 0;
+    return this.slow;
+  }
+
+  /** The next motion is tried fully again. */
+  rest(): void {
+    this.pictures = this.sum_ms = this.last_ms = 0;
+    this.slow = false;
+  }
+}
+
 /** Draws when something has changed, at most once a frame of the display. */
 class Page {
   private readonly player: RunPlayer | null;
+  private readonly motion: MotionPlayer | null;
+  private readonly traces: RunTraces | null;
   private readonly tools: Tools;
+  private readonly pace = new Pace();
   private is_due = false;
   private is_lost = false;
   private moved_ms = -Infinity;
@@ -43,23 +72,33 @@ class Page {
       reset: () => store.update({ pose: { ...store.first.pose }, window: store.first.window }),
       copy_link: () => void this.copy_link(),
       save_picture: () => this.save_picture(),
-      play: () => this.player?.toggle(),
+      play: () => (this.player ?? this.motion)?.toggle(),
+      hold: (mode) => this.motion?.toggle_hold(mode),
+      gate: () => this.motion?.toggle_gate(),
       step: (pictures) => this.player?.step(pictures),
       help: () => element<HTMLDetailsElement>("help").toggleAttribute("open"),
     };
     const controls = new PictureControls(stage, store, picture, data.map.bounds, actions);
     this.player = data.run && data.run.pictures > 1 ? new RunPlayer(data.run, store) : null;
+    this.motion = data.motion && !data.run?.moves && !store.state.is_bare ? new MotionPlayer(data.motion, store) : null;
+    this.traces = data.motion && data.run?.moves ? new RunTraces(data.motion, store) : null;
+    for (const line of document.querySelectorAll<HTMLElement>('[data-keys="motion"]')) line.hidden = !this.motion;
     this.tools = new Tools(data, store, controls, actions);
     document.body.classList.toggle("bare", store.state.is_bare);
     store.on_change((state, before) => this.changed(state, before));
-    addEventListener("hashchange", () => store.update(state_of(location.hash, store.first)));
+    addEventListener("hashchange", () => this.follow_address());
     new ResizeObserver(() => this.draw()).observe(stage); // before the resized page is painted
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.player?.draw());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      this.player?.draw();
+      this.motion?.draw();
+      this.traces?.draw();
+    });
     canvas.addEventListener("webglcontextlost", (event) => this.lose(event));
     canvas.addEventListener("webglcontextrestored", () => this.restore());
     this.show_picture(true);
     this.draw();
     notes.state("");
+    this.load_keys();
     if (data.live) new LiveView(data.live, store, picture, notes, stage, () => this.request());
   }
 
@@ -69,14 +108,47 @@ class Page {
     element("still").hidden = is_drawn;
   }
 
+  /** The key maps of the body's motion, one after the other, while the page can be used; then it moves. */
+  private load_keys(): void {
+    const left = this.picture.keys_left;
+    if (left === 0) return this.begin_motion();
+    notes.state(`Preparing the body's motion … ${Math.round(100 * (1 - left / this.data.motion!.keys.rows.length))} %`);
+    setTimeout(() => {
+      if (!this.is_lost && this.picture.keys_left > 0) this.picture.add_key();
+      this.load_keys();
+    }, this.is_lost ? 200 : 0);
+  }
+
+  private begin_motion(): void {
+    if (!this.data.motion) return;
+    notes.state("");
+    document.documentElement.dataset.motion = "loaded";
+    const wants_rest = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (this.motion && !wants_rest && !this.store.state.is_paused) this.motion.start();
+    this.request();
+  }
+
+  private get modes(): string[] {
+    return this.data.motion?.modes.map(({ name }) => name) ?? [];
+  }
+
+  private follow_address(): void {
+    const { phases, is_paused } = this.store.state, state = state_of(location.hash, this.store.first, this.modes);
+    this.store.update(state.is_paused ? state : { ...state, phases, is_paused });
+  }
+
   private changed(state: State, before: State): void {
+    this.motion?.changed(state, before);
     if (state.pose !== before.pose || state.window !== before.window) {
       this.moved_ms = performance.now();
       this.has_moved = true;
     }
     if (state.is_bare !== before.is_bare) document.body.classList.toggle("bare", state.is_bare);
     this.tools.show(state);
-    if (state.time_s !== before.time_s) this.player?.draw();
+    if (state.time_s !== before.time_s) {
+      this.player?.draw();
+      this.traces?.draw();
+    }
     this.request();
   }
 
@@ -102,12 +174,14 @@ class Page {
     const scale = this.resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
     const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare && !this.picture.held_pose;
     this.has_moved = false;
-    const has_road_map = this.picture.draw(state, is_moving), view = this.picture.view(state);
+    const body_moves = this.motion?.is_playing || (this.player?.is_playing && this.traces !== null) || false;
+    const has_road_map = this.picture.draw(state, is_moving || body_moves, is_moving || (body_moves && this.pace.is_slow(performance.now()))), view = this.picture.view(state);
     const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
     draw_overlay(overlay, view, outlined, scale, !state.is_bare);
     this.describe(state);
     document.documentElement.dataset.pictures = String(++this.pictures);
     clearTimeout(this.rest_timer);
+    if (!body_moves) this.pace.rest();
     if (is_moving) this.rest_timer = setTimeout(() => this.request(), Math.max(0, kRest_ms - rest_ms) + 1);
   }
 
@@ -130,7 +204,7 @@ class Page {
 
   private async copy_link(): Promise<void> {
     const { run } = this.data, { state } = this.store;
-    const hash = hash_of({ ...state, time_s: run ? shown_time_s(run, state.time_s) : 0 }, this.store.first), link = location.href.replace(/#.*$/, "") + hash;
+    const hash = hash_of({ ...state, time_s: run ? shown_time_s(run, state.time_s) : 0 }, this.store.first, this.modes), link = location.href.replace(/#.*$/, "") + hash;
     history.replaceState(null, "", hash);
     try {
       await navigator.clipboard.writeText(link);
@@ -170,6 +244,7 @@ class Page {
       this.draw();
       this.show_picture(true);
       notes.state("");
+      this.load_keys();
     } catch (error) {
       this.is_lost = true;
       this.show_picture(false);
@@ -183,7 +258,7 @@ async function open(): Promise<void> {
   const header = JSON.parse(element("session").textContent!) as Header, packed = element("data").textContent!.trim();
   element("data").remove(); // as long as the file: its memory is needed
   const data = await session_of(header, packed), first = first_state(data);
-  const store = new Store(state_of(location.hash, first), first, data);
+  const modes = data.motion?.modes.map(({ name }) => name) ?? [], store = new Store(state_of(location.hash, first, modes), first, data);
   const picture = Picture.on(canvas, data);
   if (!picture) return notes.state("This browser has no WebGL 2, so this is a still picture.");
   new Page(data, store, picture);

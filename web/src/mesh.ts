@@ -39,6 +39,15 @@ export function clustered({ points_mm: p, triangles }: Mesh, cell_mm: number): M
   return { points_mm: points, triangles: Uint32Array.from(kept) };
 }
 
+/** Of surfaces in pictures of a motion, where that is less than two pixels. */
+export const kCluster_mm = 2;
+
+/** The same mesh in clusters; itself where it has so few corners that it is drawn as soon. */
+export function in_clusters(mesh: Mesh): Mesh {
+  const kFew = 3 * 20_000;
+  return mesh.triangles.length < kFew ? mesh : clustered(mesh, kCluster_mm);
+}
+
 /** Points of the clamped cubic B-spline with these control points, `per_point` for each of them. */
 export function curve_points(controls: readonly Vec3[], per_point: number): Vec3[] {
   const spans = controls.length - 3, count = per_point * controls.length, points: Vec3[] = [];

@@ -5,6 +5,7 @@ import type { ComingReds } from "./gl";
 import type { SessionData, Surface } from "./data";
 import { InstrumentShapes } from "./instrument_shape";
 import { GreyWindow, automatic_window } from "./grey_window";
+import { MovingSurface } from "./moving_surface";
 import type { Outline } from "./overlay";
 import type { State } from "./state";
 import type { View } from "./view";
@@ -14,10 +15,13 @@ const kPicturesPerWindow = 3; // of a motion
 export class Picture {
   private renderer: Renderer;
   private readonly run: InstrumentShapes | null;
+  private readonly moving_vessels: MovingSurface | null;
+  private readonly vessels: Surface | null;
   private weights_key = "";
   private window_key = "";
   private since_coarse = 0; // pictures of a motion
   private coming_tau: ComingReds | null = null; // for the window of a motion
+  private coming_key = ""; // of the picture that it is of
   private automatic: GreyWindow = { scale: 1, dark: 0, light: 1, gamma: 1, inverted: false };
   /** Instruments and contrast agent of a live session, as they are now. */
   live: readonly Surface[] = [];
@@ -27,8 +31,15 @@ export class Picture {
   window: GreyWindow = this.automatic;
 
   private constructor(private readonly gl: WebGL2RenderingContext, private readonly data: SessionData) {
-    this.renderer = new Renderer(gl, data.map, data.tau);
+    this.renderer = this.new_renderer();
     this.run = data.run && new InstrumentShapes(data.run);
+    const lattice = data.motion?.lattice;
+    this.moving_vessels = data.vessels && lattice ? new MovingSurface(data.vessels, lattice) : null;
+    this.vessels = this.moving_vessels?.surface ?? data.vessels;
+  }
+
+  private new_renderer(): Renderer {
+    return new Renderer(this.gl, this.data.map, this.data.motion?.keys ?? this.data.tau);
   }
 
   /** None where the browser has no WebGL 2. Throws where it cannot draw into textures of floats. */
@@ -39,9 +50,18 @@ export class Picture {
 
   /** After a lost context has come back. */
   restore(): void {
-    this.renderer = new Renderer(this.gl, this.data.map, this.data.tau);
+    this.renderer = this.new_renderer();
     this.weights_key = this.window_key = "";
     this.coming_tau = null;
+  }
+
+  /** Key maps of the body's motion that are still to be loaded; until then it stands still. */
+  get keys_left(): number {
+    return this.renderer.keys_left;
+  }
+
+  add_key(): void {
+    this.renderer.add_key();
   }
 
   view(state: State): View {
@@ -50,14 +70,15 @@ export class Picture {
     return view_of(this.held_pose ?? state.pose, this.data.header.cone, this.data.map.bounds, width, height, fit);
   }
 
-  /** Whether the road map is in the picture already. */
-  draw(state: State, is_moving: boolean): boolean {
+  /** Whether the road map is in the picture already. In pictures of a motion the body may be drawn coarsely. */
+  draw(state: State, is_moving: boolean, is_coarse = is_moving): boolean {
     this.set_weights(state);
+    this.set_phases(state);
     const view = this.view(state), still = this.still_surfaces(state);
     const style: Style = {
       look: state.look, window: this.automatic, full_contrast: this.data.header.full_contrast,
-      detail: is_moving ? kQuick : kFull, outline_colour: this.data.header.viewer.road_map_colour,
-      outlined: is_moving && state.shows_road_map ? this.data.vessels : null,
+      detail: is_coarse ? kQuick : kFull, is_moving, outline_colour: this.data.header.viewer.road_map_colour,
+      outlined: is_moving && state.shows_road_map ? this.vessels : null,
     };
     this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), gamma: state.gamma, inverted: state.inverted };
     const surfaces = [...still, ...(this.run ? this.run.at(state.time_s) : this.live)].filter((surface) => state.look === "fluoro" || !surface.weights);
@@ -67,8 +88,14 @@ export class Picture {
 
   /** Where the vessels alone are, for the road map. */
   road_map(view: View): Outline | null {
-    const covered = this.data.vessels && this.renderer.covered_by(view, this.data.vessels);
+    const covered = this.vessels && this.renderer.covered_by(view, this.vessels);
     return covered && { covered, colour: this.data.header.viewer.road_map_colour };
+  }
+
+  private set_phases({ phases }: State): void {
+    const shown = this.keys_left > 0 ? phases.map(() => 0) : phases;
+    this.renderer.set_phases(shown);
+    this.moving_vessels?.move(shown);
   }
 
   private set_weights(state: State): void {
@@ -83,12 +110,13 @@ export class Picture {
   /** Vessels, and catheters that do not move. */
   private still_surfaces(state: State): Surface[] {
     const surfaces: Surface[] = [];
-    if (this.data.vessels && state.shows_vessels) surfaces.push(this.data.vessels);
+    if (this.vessels && state.shows_vessels) surfaces.push(this.vessels);
     return [...surfaces, ...this.data.catheters];
   }
 
   private automatic_window(view: View, surfaces: readonly Surface[], style: Style, state: State, is_moving: boolean): GreyWindow {
-    const key = JSON.stringify([view, style.look, state.shows_vessels]);
+    // Of a body that moves it stays, as an exposure that is held; a picture of one instant alone has its own.
+    const key = JSON.stringify([view, style.look, state.shows_vessels, state.is_bare ? [state.phases, this.keys_left > 0] : []]);
     if (key === this.window_key) return this.automatic;
     if (!is_moving) {
       this.window_key = key;
@@ -101,9 +129,11 @@ export class Picture {
     if (tau) {
       this.automatic = automatic_window(tau);
       this.coming_tau = null;
+      if (key === this.coming_key) this.window_key = key; // the body alone moves
     }
     if (++this.since_coarse >= kPicturesPerWindow && !this.coming_tau) {
       this.coming_tau = this.renderer.coarse_tau_later(view, surfaces, style);
+      this.coming_key = key;
       this.since_coarse = 0;
     }
     return this.automatic;

@@ -13,6 +13,8 @@ export interface Actions {
   save_picture(): void;
   play(): void;
   step(pictures: number): void;
+  hold(mode: string): void;
+  gate(): void;
   help(): void;
 }
 
@@ -112,6 +114,7 @@ export class PictureControls {
       w: () => this.store.update({ window: null }),
       r: () => this.actions.reset(), l: () => this.actions.copy_link(), p: () => this.actions.save_picture(),
       " ": () => this.actions.play(), ",": () => this.actions.step(-1), ".": () => this.actions.step(1),
+      b: () => this.actions.hold("breath"), k: () => this.actions.hold("heart"), g: () => this.actions.gate(),
       h: () => this.actions.help(), "?": () => this.actions.help(),
     };
     const digit = "123456789".indexOf(event.key);

@@ -13,7 +13,7 @@ export const step_s = (from_ms: number, to_ms: number, speed: number): number =>
   (speed * Math.min(kLongestStep_ms, Math.max(0, to_ms - from_ms))) / 1000;
 
 export class RunPlayer {
-  private is_playing = false;
+  is_playing = false;
   private last_ms = 0;
   private readonly play = element<HTMLButtonElement>("play");
   private readonly time = element<HTMLInputElement>("time");
@@ -69,6 +69,7 @@ export class RunPlayer {
 
   private stop(): void {
     this.is_playing = false;
+    this.store.update({}); // for a picture at rest
     this.mark();
   }
 

@@ -2,8 +2,9 @@
 import { CArmPose, limited } from "./c_arm_pose";
 import type { Look } from "./compositing";
 import type { SessionData } from "./data";
-import { fullest_s, length_s } from "./instrument_shape";
+import { fullest_s, length_s, shown_time_s } from "./instrument_shape";
 import type { GreyWindow } from "./grey_window";
+import { Rhythm } from "./rhythm";
 import { clamp } from "./vectors";
 
 export interface State {
@@ -16,11 +17,13 @@ export interface State {
   shows_vessels: boolean;
   shows_road_map: boolean;
   time_s: number; // of the run
+  phases: readonly number[]; // of the body's modes; none where it stands still
+  is_paused: boolean; // the body, at these phases
   is_bare: boolean; // the picture alone
 }
 
 /** As the session was exported. */
-export function first_state({ header, run }: SessionData): State {
+export function first_state({ header, run, motion }: SessionData): State {
   return {
     pose: header.pose,
     look: header.look,
@@ -30,6 +33,8 @@ export function first_state({ header, run }: SessionData): State {
     shows_vessels: header.shows_vessels,
     shows_road_map: header.shows_road_map,
     time_s: run ? fullest_s(run) : 0,
+    phases: motion ? new Rhythm(motion).phases_at(0) : [],
+    is_paused: false,
     is_bare: false,
   };
 }
@@ -39,6 +44,7 @@ export const has_surfaces = ({ vessels, catheters, run, live }: SessionData): bo
 
 /** Within what the session has and the limits of the C-arm. */
 export function allowed(state: State, data: SessionData): State {
+  const time_s = data.run ? clamp(state.time_s, 0, length_s(data.run)) : 0;
   return {
     ...state,
     pose: limited(state.pose, data.map.bounds, data.header.viewer),
@@ -46,7 +52,7 @@ export function allowed(state: State, data: SessionData): State {
     hidden_layers: [...new Set(state.hidden_layers)].filter((k) => k < data.map.layers).sort((a, b) => a - b),
     shows_vessels: data.vessels !== null && state.shows_vessels,
     shows_road_map: data.vessels !== null && state.shows_road_map,
-    time_s: data.run ? clamp(state.time_s, 0, length_s(data.run)) : 0,
+    time_s, phases: data.run?.moves && data.motion ? new Rhythm(data.motion).phases_at(shown_time_s(data.run, time_s)) : state.phases,
   };
 }
 

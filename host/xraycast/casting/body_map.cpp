@@ -355,6 +355,11 @@ BodyMap read_body_map(const std::filesystem::path& path) {
   return with_remedy(path, "cast the map again", [&] { return read_map(path); });
 }
 
+std::filesystem::path motion_named_by(const std::filesystem::path& map) {
+  return with_remedy(map, "cast the map again",
+                     [&] { return absolute_motion(ExrReader(map).text("xraycast:motion"), map); });
+}
+
 std::vector<std::uint8_t> preview_of(const BodyMap& map, PreviewWindow window) {
   // Every layer has its own window, but an almost empty one must not look like one with bones.
   constexpr double kFaintest = 0.2;

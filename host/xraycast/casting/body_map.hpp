@@ -69,6 +69,10 @@ void write_body_map(const BodyMap& map, const std::filesystem::path& path);
 /// Reads what write_body_map wrote. Throws InputError, naming the file and the attribute.
 BodyMap read_body_map(const std::filesystem::path& path);
 
+/// The file of the motion that a map of a moving body names, without reading the map; empty for one that
+/// stands still. Throws InputError as read_body_map.
+std::filesystem::path motion_named_by(const std::filesystem::path& map);
+
 /// How tau becomes grey in a preview.
 enum class PreviewWindow {
   automatic,  ///< windowed_transmission of each layer

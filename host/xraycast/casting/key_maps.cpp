@@ -1,10 +1,13 @@
 #include "xraycast/casting/key_maps.hpp"
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <limits>
 #include <set>
@@ -39,6 +42,29 @@ std::vector<std::uint8_t> bytes_of(const std::vector<float>& values, std::span<c
     for (std::size_t i = first; i < first + of_layer; ++i) bytes[i] = ranges[layer].byte_of(values[i]);
   });
   return bytes;
+}
+
+/// Of each mode, which of its phases are kept.
+std::vector<std::vector<std::size_t>> chosen_phases(const KeyPhases& all, std::map<std::string, int> keys) {
+  std::vector<std::vector<std::size_t>> chosen;
+  std::vector<std::string> names;
+  for (std::size_t m = 0; m < all.phases().size(); ++m) {
+    const MotionMode& mode = all.rhythm().modes()[m];
+    const int count = static_cast<int>(all.phases()[m].size());
+    names.push_back(mode.name);
+    const auto given = keys.find(mode.name);
+    const int fewer = given == keys.end() ? count : given->second;
+    keys.erase(mode.name);
+    if (fewer < 2 || fewer > count)
+      throw InputError("`keys` {}={}: must be 2 to {}, as many as the map has", mode.name, fewer, count);
+    const double step = mode.wraps() ? double(count) / fewer : double(count - 1) / (fewer - 1);
+    std::vector<std::size_t>& of_mode = chosen.emplace_back();
+    for (int i = 0; i < fewer; ++i) of_mode.push_back(static_cast<std::size_t>(std::lround(i * step)));
+  }
+  if (!keys.empty())
+    throw InputError("`keys` {}={}: the map has no such mode; choose one of {}", excerpt(keys.begin()->first),
+                     keys.begin()->second, fmt::join(names, ", "));
+  return chosen;
 }
 
 }  // namespace
@@ -156,6 +182,42 @@ BodyMap map_at(const BodyMap& map, std::span<const double> phases) {
   else
     still.tau = map.keys->values_at(0, phases);
   return still;
+}
+
+BodyMap with_fewer_keys(const BodyMap& map, const std::map<std::string, int>& keys) {
+  const KeyPhases& all = map.keys->phases();
+  const std::vector<std::vector<std::size_t>> chosen = chosen_phases(all, keys);
+  std::vector<std::vector<double>> phases;
+  for (std::size_t m = 0; m < chosen.size(); ++m) {
+    std::vector<double>& of_mode = phases.emplace_back();
+    for (const std::size_t i : chosen[m]) of_mode.push_back(all.phases()[m][i]);
+  }
+  KeyPhases fewer(all.rhythm(), std::move(phases));
+  std::map<int, int> number_of;  // of a key of the map, among the fewer ones
+  for (int key = 0; key < fewer.count(); ++key) {
+    int old = 0, rest = key, stride = fewer.count();
+    for (std::size_t m = 0; m < chosen.size(); ++m) {
+      stride /= static_cast<int>(chosen[m].size());
+      old = old * static_cast<int>(all.phases()[m].size()) +
+            static_cast<int>(chosen[m][static_cast<std::size_t>(rest / stride)]);
+      rest %= stride;
+    }
+    number_of[old] = key;
+  }
+  std::vector<KeyMaps::Key> kept;
+  for (const auto& [old, key] : number_of) {
+    KeyMaps::Key& one = kept.emplace_back(map.keys->keys()[static_cast<std::size_t>(old)]);
+    if (one.rows.base < 0) continue;
+    const auto base = number_of.find(one.rows.base);
+    if (base == number_of.end())
+      throw InputError("`keys`: those of {} do not go without each other; leave it out", map.source);
+    one.rows.base = base->second;
+  }
+  auto maps = std::make_shared<KeyMaps>(std::move(fewer), map.geometry, std::move(kept), map.keys->ranges());
+  maps->motion = map.keys->motion;
+  BodyMap result = map;
+  result.keys = std::move(maps);
+  return result;
 }
 
 std::string instant_suffix(const KeyPhases& phases, std::span<const double> instant) {

@@ -5,7 +5,9 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -48,6 +50,9 @@ class KeyMaps {
   const std::vector<std::vector<LayerByteRange>>& ranges() const { return ranges_; }
   std::size_t size_B() const;  ///< of all bytes
 
+  /// The key map that has a row of this one.
+  int owner_of(int key, int row) const;
+
   /// Rows [first, end) of which the maps' weighted sum is that of the same few own rows.
   struct Band {
     int first, end;
@@ -63,8 +68,6 @@ class KeyMaps {
   std::filesystem::path motion{};
 
  private:
-  int owner_of(int key, int row) const;
-
   KeyPhases phases_;
   int width_, height_, layers_;
   std::vector<Key> keys_;
@@ -77,6 +80,11 @@ BodyMap moving_map(BodyMap map, std::shared_ptr<const KeyMaps> keys);
 /// The map of a moving body at an instant, one phase a mode, as one that stands still; of a body that does
 /// not move, the map itself.
 BodyMap map_at(const BodyMap& map, std::span<const double> phases);
+
+/// The same with fewer keys: so many phases of each mode that is named, evenly chosen from those that there
+/// are, the first among them. Throws InputError, with the field `keys`, for a name that is no mode, and
+/// unless it is two to as many as the mode has.
+BodyMap with_fewer_keys(const BodyMap& map, const std::map<std::string, int>& keys);
 
 /// `, breath 1, heart 0.4`, as in the sources of maps of an instant.
 std::string instant_suffix(const KeyPhases& phases, std::span<const double> instant);

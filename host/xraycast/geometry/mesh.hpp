@@ -13,6 +13,7 @@ namespace xraycast {
 struct Mesh {
   std::vector<glm::vec3> points_mm;
   std::vector<std::array<std::uint32_t, 3>> triangles;
+  bool says_space = false;  ///< of a file: it says in which space its points were
 };
 
 /// Every undirected edge belongs to exactly two triangles that run along it in opposite directions.
@@ -26,10 +27,15 @@ double volume_mm3(const Mesh& mesh);
 /// the disk is full.
 void write_mesh(const Mesh& mesh, const std::filesystem::path& path);
 
-/// Reads what write_mesh writes, and other programs' STL (binary or ASCII) and VTP (see read_vtp). Polygons
-/// are split into triangle fans, strips into triangles; points of an STL that coincide exactly are merged; a
-/// file marked `SPACE=RAS` is converted to LPS. Throws InputError when the file is damaged, has points
-/// that are not finite or beyond any body (body_bounds.hpp), or indices out of range.
+/// Whether read_mesh reads a file of that name, by its extension.
+bool is_surface_file(const std::filesystem::path& path);
+
+/// Reads what write_mesh writes, and other programs' files, by the extension: STL (binary or ASCII), VTP (see
+/// read_vtp), `.vtk` (VTK before XML, PolyData), OBJ and PLY (ASCII or binary). Polygons are split into
+/// triangle fans, strips into triangles; points of an STL that coincide exactly are merged; a file marked
+/// `SPACE=RAS`, as 3D Slicer does in headers and comments, is converted to LPS. Throws InputError when the
+/// file is damaged, has points that are not finite or beyond any body (body_bounds.hpp), or indices out of
+/// range, and for an OBJ or PLY without faces.
 Mesh read_mesh(const std::filesystem::path& path);
 
 }  // namespace xraycast

@@ -82,7 +82,8 @@ void SegmentIndex::build(std::uint32_t first, std::uint32_t last) {
   build(middle, last);
 }
 
-SegmentIndex::Nearest SegmentIndex::nearest(const glm::dvec3& point_mm) const {
+template <typename Accept>
+void SegmentIndex::search(const glm::dvec3& point_mm, Found& best, const Accept& accept) const {
   struct Candidate {
     std::uint32_t node;
     double squared_mm;
@@ -91,13 +92,11 @@ SegmentIndex::Nearest SegmentIndex::nearest(const glm::dvec3& point_mm) const {
     return {node, squared_distance_to_box(point_mm, nodes_[node].lower_mm, nodes_[node].upper_mm)};
   };
 
-  const Segment* best = &segments_.front();
-  double best_fraction = 0, best_squared_mm = squared_length(point_mm - best->start_mm);
   Stack<Candidate> waiting;
   waiting.push(candidate(0));
   while (!waiting.empty()) {
     const auto [index, squared_mm] = waiting.pop();
-    if (squared_mm >= best_squared_mm) continue;
+    if (squared_mm >= best.squared_mm) continue;
     const Node& node = nodes_[index];
     if (node.count == 0) {  // the nearer child on top
       Candidate near = candidate(index + 1), far = candidate(node.first);
@@ -110,15 +109,27 @@ SegmentIndex::Nearest SegmentIndex::nearest(const glm::dvec3& point_mm) const {
       const Segment& segment = segments_[i];
       const glm::dvec3 axis = segment.end_mm - segment.start_mm, offset = point_mm - segment.start_mm;
       const double fraction = std::clamp(glm::dot(offset, axis) / squared_length(axis), 0.0, 1.0);
-      const double segment_squared_mm = squared_length(offset - fraction * axis);
-      if (segment_squared_mm < best_squared_mm) {
-        best = &segment;
-        best_fraction = fraction;
-        best_squared_mm = segment_squared_mm;
-      }
+      const Found found{&segment, fraction, squared_length(offset - fraction * axis)};
+      if (found.squared_mm < best.squared_mm && accept(found)) best = found;
     }
   }
-  return {*best, best_fraction, std::sqrt(best_squared_mm)};
+}
+
+SegmentIndex::Nearest SegmentIndex::nearest(const glm::dvec3& point_mm) const {
+  const Segment& first = segments_.front();
+  Found best{&first, 0, squared_length(point_mm - first.start_mm)};
+  search(point_mm, best, [](const Found&) { return true; });
+  return {*best.segment, best.fraction, std::sqrt(best.squared_mm)};
+}
+
+std::optional<SegmentIndex::Nearest> SegmentIndex::nearest(
+    const glm::dvec3& point_mm, double within_mm, const std::function<bool(const Nearest&)>& accept) const {
+  Found best{nullptr, 0, std::nextafter(squared(within_mm), std::numeric_limits<double>::infinity())};
+  search(point_mm, best, [&](const Found& found) {
+    return accept({*found.segment, found.fraction, std::sqrt(found.squared_mm)});
+  });
+  if (!best.segment) return {};
+  return Nearest{*best.segment, best.fraction, std::sqrt(best.squared_mm)};
 }
 
 bool SegmentIndex::inside(const glm::dvec3& point_mm) const {

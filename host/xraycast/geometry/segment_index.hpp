@@ -3,6 +3,8 @@
 #include <glm/vec3.hpp>
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <vector>
 
 namespace xraycast {
@@ -28,6 +30,11 @@ class SegmentIndex {
   };
   Nearest nearest(const glm::dvec3& point_mm) const;
 
+  /// The nearest of those places within `within_mm` that are accepted: of each segment its own nearest one is
+  /// asked for.
+  std::optional<Nearest> nearest(const glm::dvec3& point_mm, double within_mm,
+                                 const std::function<bool(const Nearest&)>& accept) const;
+
   /// Whether a point lies in any of the tapered capsules: the hulls of the spheres around both ends of a
   /// segment.
   bool inside(const glm::dvec3& point_mm) const;
@@ -42,7 +49,16 @@ class SegmentIndex {
     std::uint32_t count;  ///< leaf: number of segments; else: 0
   };
 
+  struct Found {
+    const Segment* segment;
+    double fraction, squared_mm;
+  };
+
   void build(std::uint32_t first, std::uint32_t last);
+
+  /// Replaces `best` by what is nearer and accepted.
+  template <typename Accept>
+  void search(const glm::dvec3& point_mm, Found& best, const Accept& accept) const;
 
   std::vector<Segment> segments_;
   std::vector<Node> nodes_;

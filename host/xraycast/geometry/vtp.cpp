@@ -83,7 +83,9 @@ class VtpReader {
     const pugi::xml_node point_array = piece.child("Points").child("DataArray");
     const std::vector<double> coordinates = file_.values(point_array, "Points", 3 * points);
     data.points_mm.resize(points);
-    const double sign = file_.space() == "RAS" ? -1 : 1;
+    const std::string space = file_.space();
+    const double sign = space == "RAS" ? -1 : 1;
+    data.says_space = !space.empty();
     for (std::size_t i = 0; i < points; ++i) {
       const double x = coordinates[3 * i], y = coordinates[3 * i + 1], z = coordinates[3 * i + 2];
       if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(z))

@@ -44,7 +44,9 @@ struct PolyData {
   std::vector<glm::dvec3> points_mm;  ///< LPS
   Cells verts, lines, strips, polys;
   std::vector<Array> point_arrays;
-  std::vector<Array> cell_arrays;  ///< in the order verts, lines, strips, polys
+  std::vector<Array>
+      cell_arrays;          ///< in the order verts, lines, strips, polys (before strips in a legacy file)
+  bool says_space = false;  ///< of a file: it says in which space its points are
 };
 
 /// The array of that name, or nullptr.

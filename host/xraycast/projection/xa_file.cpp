@@ -138,11 +138,32 @@ void add_pose(DicomElements& image, std::span<const View> views) {
   image.numbers(0x00181521, secondary_deg);
 }
 
-void add_run(DicomElements& image, std::size_t frames, double frame_time_ms) {
+/// From each picture to the next, the first 0; none where they are evenly spaced, to half a millisecond, or
+/// not all told.
+std::vector<double> uneven_steps_ms(std::span<const double> times_s, std::size_t frames,
+                                    double frame_time_ms) {
+  constexpr double kEven_ms = 1.5;  // runs step by the millisecond, and pulses need not
+  if (times_s.size() != frames) return {};
+  std::vector<double> steps_ms{0};
+  bool is_even = true;
+  for (std::size_t i = 1; i < frames; ++i) {
+    steps_ms.push_back(1e-3 * std::round(1e6 * (times_s[i] - times_s[i - 1])));  // to a microsecond
+    is_even = is_even && std::abs(steps_ms.back() - frame_time_ms) <= kEven_ms;
+  }
+  return is_even ? std::vector<double>() : steps_ms;
+}
+
+void add_run(DicomElements& image, std::size_t frames, double frame_time_ms,
+             std::span<const double> times_s) {
   if (frames == 1) return;
   image.number(0x00280008, static_cast<double>(frames));
-  image.words(0x00280009, std::vector<std::uint16_t>{0x0018, 0x1063});  // Frame Increment Pointer: Frame Time
-  image.number(0x00181063, frame_time_ms);
+  const std::vector<double> steps_ms = uneven_steps_ms(times_s, frames, frame_time_ms);
+  const std::uint16_t element = steps_ms.empty() ? 0x1063 : 0x1065;
+  image.words(0x00280009, std::vector<std::uint16_t>{0x0018, element});  // Frame Increment Pointer
+  if (steps_ms.empty())
+    image.number(0x00181063, frame_time_ms);  // Frame Time
+  else
+    image.numbers(0x00181065, steps_ms);  // Frame Time Vector
 }
 
 /// C.7.6.10: the frames behind the mask are shown subtracted.
@@ -209,6 +230,12 @@ void XaWriter::add_codes(const View& view, std::span<const std::uint16_t> codes)
   pixels_.insert(pixels_.end(), codes.begin(), codes.end());
 }
 
+void XaWriter::tell_instant(double time_s, bool has_r_wave) {
+  times_s_.push_back(time_s);
+  const std::size_t number = views_.size();
+  if (has_r_wave && number <= kMostMaskedFrames) r_waves_.push_back(static_cast<std::uint16_t>(number));
+}
+
 void XaWriter::finish() {
   if (views_.empty()) return;
   const std::string& scans_frame = options_.frame_of_reference_uid;
@@ -221,7 +248,9 @@ void XaWriter::finish() {
   add_image(image, views_.front(), pixels_, options_);
   add_acquisition(image, options_, exposure_);
   add_pose(image, views_);
-  add_run(image, views_.size(), options_.frame_time_ms);
+  if (!options_.scan_options.empty()) image.text(0x00180022, options_.scan_options);
+  add_run(image, views_.size(), options_.frame_time_ms, times_s_);
+  if (views_.size() > 1 && !r_waves_.empty()) image.words(0x00286040, r_waves_);  // R Wave Pointer
   if (options_.is_subtracted) add_mask(image, views_.size(), mask_frames_);
   write_dicom(image, std::as_bytes(std::span(pixels_)), file_);
 }

@@ -40,6 +40,8 @@ struct XaOptions {
   /// (XaWriter::add_codes).
   std::optional<int> code_bits{};
   bool is_subtracted = false;  ///< the first pictures are a mask (XaWriter::set_mask_frames)
+  std::string
+      scan_options{};  ///< DICOM's: `EKG` for exposures that an ECG triggers, `PHY` for those of a breath
 };
 
 /// Whether a file's name has the extension of an X-Ray Angiographic Image, `.dcm`.
@@ -67,6 +69,11 @@ class XaWriter {
   /// The next picture's codes of `code_bits` bits, which must be given, W x H, row 0 on top.
   void add_codes(const View& view, std::span<const std::uint16_t> codes);
 
+  /// When the last picture was taken, in s from any start, ascending; and whether an R wave came since the
+  /// one before. Where the times of all are told and not evenly spaced, the file has them instead of one
+  /// frame time.
+  void tell_instant(double time_s, bool has_r_wave);
+
   /// Before finish().
   void set_exposure(const XaExposure& exposure) { exposure_ = exposure; }
 
@@ -83,6 +90,8 @@ class XaWriter {
   std::optional<XaExposure> exposure_;
   std::vector<View> views_;
   std::vector<std::uint16_t> pixels_;
+  std::vector<double> times_s_;
+  std::vector<std::uint16_t> r_waves_;  ///< numbers of frames, from 1
   int mask_frames_ = 0;
 };
 

@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -112,6 +114,95 @@ void for_both(const Visit& visit) {
   visit(&Edges::down);
 }
 
+/// Squares of differences, but for large ones: those grow towards the threshold's square (Geman and McClure,
+/// Bull. ISI 52, 1987).
+double cost_of(double size, double threshold) {
+  const double ratio = size / threshold;
+  return size * size / (1 + ratio * ratio);
+}
+
+/// With which the squares have the same slope.
+double weight_of(double size, double threshold) {
+  const double ratio = size / threshold, one = 1 / (1 + ratio * ratio);
+  return one * one;
+}
+
+/// By how much a picture's edges must be multiplied to be those of another, where that differs from place to
+/// place: scatter and the chain behind the detector change contrast slowly.
+class LocalGains {
+ public:
+  LocalGains(int width, int height) : width_(width), height_(height) {}
+
+  /// One a pixel, at least 0: between nodes, each by a regression of the pixels around it. What differs by
+  /// more than the threshold counts less (Huber).
+  std::vector<float> fitted(const std::vector<float>& wanted, const std::vector<float>& own,
+                            const std::vector<std::uint8_t>& counted, double threshold) const {
+    std::vector<float> gains(wanted.size(), 1);
+    const int rounds = threshold == std::numeric_limits<double>::infinity() ? 1 : 3;
+    for (int round = 0; round < rounds; ++round) {
+      Sums sums;
+      for_each(counted, [&](std::size_t i, const Corners& corners) {
+        const double size = std::abs(wanted[i] - gains[i] * own[i]), weight = weight_of(size, threshold);
+        for (const auto& [node, share] : corners) {
+          sums.product[node] += share * weight * wanted[i] * own[i];
+          sums.square[node] += share * weight * own[i] * own[i];
+        }
+      });
+      const Nodes nodes = sums.gains();
+      for_each(counted, [&](std::size_t i, const Corners& corners) {
+        double gain = 0;
+        for (const auto& [node, share] : corners) gain += share * nodes[node];
+        gains[i] = static_cast<float>(gain);
+      });
+    }
+    return gains;
+  }
+
+ private:
+  static constexpr std::size_t kSide = 6;  ///< nodes along each side
+  using Nodes = std::array<double, kSide * kSide>;
+  using Corners = std::array<std::pair<std::size_t, double>, 4>;
+
+  struct Sums {
+    Nodes product{}, square{};
+    /// Those of all pixels where a node has few.
+    Nodes gains() const {
+      const double all_squares = std::accumulate(square.begin(), square.end(), 0.0),
+                   all = std::accumulate(product.begin(), product.end(), 0.0) / std::max(all_squares, 1e-30);
+      const double more = 0.1 * all_squares / static_cast<double>(square.size()) + 1e-30;
+      Nodes gains{};
+      for (std::size_t n = 0; n < gains.size(); ++n)
+        gains[n] = std::max((product[n] + more * all) / (square[n] + more), 0.0);
+      return gains;
+    }
+  };
+
+  template <typename Visit>
+  void for_each(const std::vector<std::uint8_t>& counted, const Visit& visit) const {
+    const auto place = [](int at, int count) {
+      const double along = static_cast<double>(at) / std::max(count - 1, 1) * (kSide - 1);
+      const auto first = std::min(static_cast<std::size_t>(along), kSide - 2);
+      return std::pair(first, along - static_cast<double>(first));
+    };
+    for (int y = 0; y < height_; ++y) {
+      const auto [row, down] = place(y, height_);
+      for (int x = 0; x < width_; ++x) {
+        const std::size_t i =
+            static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
+        if (counted[i] == 0) continue;
+        const auto [column, across] = place(x, width_);
+        const std::size_t node = row * kSide + column;
+        visit(i, Corners{{{node, (1 - down) * (1 - across)},
+                          {node + 1, (1 - down) * across},
+                          {node + kSide, down * (1 - across)},
+                          {node + kSide + 1, down * across}}});
+      }
+    }
+  }
+
+  int width_, height_;
+};
+
 double median_of_sizes(std::vector<double> values) {
   if (values.empty()) return 0;
   for (double& value : values) value = std::abs(value);
@@ -132,8 +223,7 @@ struct PoseFit::Linear {
   std::vector<double> sizes{};  ///< of the differences, where a threshold is still wanted
 };
 
-std::vector<double> PoseFit::similarities(std::span<const RigidMotion> motions, bool are_inverted,
-                                          Progress& progress) const {
+std::vector<double> PoseFit::similarities(std::span<const RigidMotion> motions, Progress& progress) const {
   std::vector<double> sums(motions.size(), 0);
   std::vector<std::size_t> seen;
   for (std::size_t m = 0; m < motions.size(); ++m) {
@@ -157,8 +247,7 @@ std::vector<double> PoseFit::similarities(std::span<const RigidMotion> motions, 
       const auto first =
           depths.begin() + static_cast<std::ptrdiff_t>(n) * static_cast<std::ptrdiff_t>(pixels);
       const double one = similarity_of({first, first + static_cast<std::ptrdiff_t>(pixels)}, view);
-      sums[seen[static_cast<std::size_t>(n)]] +=
-          (are_inverted ? -one : one) / static_cast<double>(views_.size());
+      sums[seen[static_cast<std::size_t>(n)]] += one / static_cast<double>(views_.size());
     });
   }
   return sums;
@@ -167,9 +256,23 @@ std::vector<double> PoseFit::similarities(std::span<const RigidMotion> motions, 
 std::vector<double> PoseFit::similarities_of_views(const RigidMotion& motion, Progress& progress) const {
   std::vector<double> all;
   for (const ViewLevel& view : views_)
-    all.push_back(
-        PoseFit(scan_, std::span(&view, 1)).similarities(std::span(&motion, 1), false, progress)[0]);
+    all.push_back(PoseFit(scan_, std::span(&view, 1)).similarities(std::span(&motion, 1), progress)[0]);
   return all;
+}
+
+std::vector<ToneCurve> PoseFit::tones_at(const RigidMotion& motion, std::span<const ToneCurve> now,
+                                         Progress& progress) const {
+  std::vector<ToneCurve> curves(now.begin(), now.end());
+  for (std::size_t v = 0; v < views_.size(); ++v) {
+    const ViewLevel& view = views_[v];
+    const PinholeCamera camera = seeing(view.camera, motion);
+    if (!is_before(camera, scan_.geometry())) continue;
+    const std::vector<float> means =
+        spread(project(scan_, camera, Opacity::paper(), progress, Sampling::everywhere), view);
+    ++projections_;
+    curves[v] = ToneCurve::fitted(view.greys, means, showing(means, view), now[v]);
+  }
+  return curves;
 }
 
 void PoseFit::add_view(const ViewLevel& view, const PoseGradient& picture, double threshold,
@@ -184,29 +287,35 @@ void PoseFit::add_view(const ViewLevel& view, const PoseGradient& picture, doubl
     // A change of the pose changes mean and norm too: what is left of it is orthogonal to both.
     Vector6 slope_mean = Vector6::Zero(), along = Vector6::Zero();
     double count = 0, product = 0;
+    std::vector<float> wanted(f.size()), own(f.size());
     for (std::size_t i = 0; i < f.size(); ++i) {
       if (shown[i] == 0) continue;
       ++count;
-      const double own = (m[i] - of_m.mean) / of_m.norm;
-      product += own * (f[i] - of_f.mean) / of_f.norm;
+      own[i] = static_cast<float>((m[i] - of_m.mean) / of_m.norm);
+      wanted[i] = static_cast<float>((f[i] - of_f.mean) / of_f.norm);
+      product += static_cast<double>(own[i]) * wanted[i];
       for (int k = 0; k < 6; ++k) {
         const double slope = (moving.slopes[static_cast<std::size_t>(k)].*edges)[i];
         slope_mean[k] += slope;
-        along[k] += slope * own;
+        along[k] += slope * own[i];
       }
     }
     slope_mean /= count;
     fit.similarity += 0.5 * product / static_cast<double>(views_.size());
+    const std::vector<float> gains =
+        LocalGains(view.camera.width, view.camera.height).fitted(wanted, own, shown, threshold);
     for (std::size_t i = 0; i < f.size(); ++i) {
       if (shown[i] == 0) continue;
-      const double own = (m[i] - of_m.mean) / of_m.norm, rest = (f[i] - of_f.mean) / of_f.norm - own;
+      const double rest = wanted[i] - gains[i] * own[i];
       Vector6 slope;
       for (int k = 0; k < 6; ++k)
-        slope[k] = ((moving.slopes[static_cast<std::size_t>(k)].*edges)[i] - slope_mean[k] - own * along[k]) /
-                   of_m.norm * kUnits[k];
-      const double size = std::abs(rest), weight = size > threshold ? threshold / size : 1;
+        slope[k] =
+            gains[i] *
+            ((moving.slopes[static_cast<std::size_t>(k)].*edges)[i] - slope_mean[k] - own[i] * along[k]) /
+            of_m.norm * kUnits[k];
+      const double size = std::abs(rest), weight = weight_of(size, threshold);
       if (threshold == std::numeric_limits<double>::infinity()) fit.sizes.push_back(rest);
-      fit.cost += size > threshold ? threshold * (2 * size - threshold) : rest * rest;
+      fit.cost += cost_of(size, threshold);
       fit.slope += weight * rest * slope;
       fit.normal.selfadjointView<Eigen::Lower>().rankUpdate(slope, weight);
       ++fit.count;
@@ -235,7 +344,7 @@ PoseFit::Refined PoseFit::refine(const RigidMotion& start, int most_steps, Progr
   RigidMotion motion = start;
   Linear fit = linear_fit(motion, std::numeric_limits<double>::infinity(), progress);
   // Twice the standard deviation, by the median of the differences' sizes.
-  const double threshold = 2 * 1.4826 * median_of_sizes(std::move(fit.sizes));
+  const double threshold = 3 * 1.4826 * median_of_sizes(std::move(fit.sizes));
   if (threshold > 0) fit = linear_fit(motion, threshold, progress);
   double damping = 1e-3;
   int steps = 0;

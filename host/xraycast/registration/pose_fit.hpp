@@ -22,9 +22,8 @@ class PoseFit {
   PoseFit(const ResidentScan& scan, std::span<const ViewLevel> views) : scan_(scan), views_(views) {}
 
   /// The mean over the views of their gradient NCC, -1 to 1, for each motion; -1 where a scan lies behind a
-  /// camera. Of X-rays whose greys are inverted the sign of NCC is.
-  std::vector<double> similarities(std::span<const RigidMotion> motions, bool are_inverted,
-                                   Progress& progress) const;
+  /// camera.
+  std::vector<double> similarities(std::span<const RigidMotion> motions, Progress& progress) const;
 
   /// That of each view.
   std::vector<double> similarities_of_views(const RigidMotion& motion, Progress& progress) const;
@@ -41,6 +40,11 @@ class PoseFit {
     int steps = 0;
   };
   Refined refine(const RigidMotion& start, int most_steps, Progress& progress) const;
+
+  /// For each view the tone curve by which it is most like the projection of a motion; `now`, one a view,
+  /// where that tells nothing.
+  std::vector<ToneCurve> tones_at(const RigidMotion& motion, std::span<const ToneCurve> now,
+                                  Progress& progress) const;
 
   std::int64_t projections() const { return projections_; }  ///< so far, those with derivatives included
 

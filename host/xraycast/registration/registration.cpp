@@ -171,6 +171,7 @@ struct Registrar::Prepared {
   std::span<const Xray> xrays;
   std::vector<Window> windows;
   std::vector<Tone> tones;
+  std::vector<ToneCurve> curves;
   std::array<std::vector<ViewLevel>, kLevels> levels;  ///< of each the views
   std::int64_t projections = 0;
 
@@ -178,7 +179,12 @@ struct Registrar::Prepared {
     levels[level].clear();
     for (std::size_t v = 0; v < xrays.size(); ++v)
       levels[level].push_back(
-          level_of(xrays[v], windows[v].mask, windows[v].box, factor_for(windows[v], level), tones[v]));
+          level_of(xrays[v], windows[v].mask, windows[v].box, factor_for(windows[v], level), curves[v]));
+  }
+
+  void set_tone(Tone tone) {
+    tones.assign(xrays.size(), tone);
+    curves.assign(xrays.size(), ToneCurve(tone));
   }
 };
 
@@ -223,7 +229,7 @@ Registrar::Prepared Registrar::prepared(std::span<const Xray> xrays, const Rigid
   }
   Prepared views;
   views.xrays = xrays;
-  views.tones.assign(xrays.size(), Tone::log_intensity);
+  views.set_tone(Tone::log_intensity);
   if (!pyramid_) make_pyramid(seeing(*xrays[0].camera, start), progress);
   for (const Xray& xray : xrays)
     views.windows.push_back(window_of(xray, start, *pyramid_, request_, searches));
@@ -231,29 +237,30 @@ Registrar::Prepared Registrar::prepared(std::span<const Xray> xrays, const Rigid
 }
 
 std::vector<RigidMotion> Registrar::searched(Prepared& views, const RigidMotion& start, Progress& progress) {
-  views.make_level(0);
-  const PoseFit fit(pyramid_->level(0), views.levels[0]);
   const SearchRange range(request_, views.xrays, start, pyramid_->middle_mm());
   std::vector<Candidate> candidates;
   EvolutionOptions options;
   progress.begin("searching", std::int64_t{3} * options.generations, "generations");
   Progress quiet;
-  const auto search = [&](bool are_inverted) {
+  const auto search = [&](Tone tone) {
+    views.set_tone(tone);
+    views.make_level(0);
+    const PoseFit fit(pyramid_->level(0), views.levels[0]);
     const auto similarities = [&](std::span<const std::vector<double>> points) {
       progress.advance();
       std::vector<RigidMotion> motions;
       for (const std::vector<double>& point : points) motions.push_back(range.at(point));
-      return fit.similarities(motions, are_inverted, quiet);
+      return fit.similarities(motions, quiet);
     };
     const std::vector<Optimum> optima = search_by_evolution(options, similarities);
     for (const Optimum& optimum : optima) candidates.push_back({range.at(optimum.point), optimum.value});
     ++options.seed;
+    views.projections += fit.projections();
     return optima.front().value;
   };
   options.seed = request_.seed;
-  const double plain = search(false), inverted = search(true);
-  search(inverted > plain);
-  views.projections += fit.projections();
+  const double plain = search(Tone::log_intensity), inverted = search(Tone::inverted_log_intensity);
+  search(inverted > plain ? Tone::inverted_log_intensity : Tone::log_intensity);
   constexpr double kApart_mm = 8;
   constexpr std::size_t kMost = 6;
   std::vector<RigidMotion> motions;
@@ -268,13 +275,14 @@ void Registrar::choose_tones(Prepared& views, const RigidMotion& motion) const {
     double best = -2;
     for (const Tone tone : kTones) {
       const ViewLevel level = level_of(views.xrays[v], views.windows[v].mask, views.windows[v].box,
-                                       factor_for(views.windows[v], 0), tone);
+                                       factor_for(views.windows[v], 0), ToneCurve(tone));
       const PoseFit fit(pyramid_->level(0), std::span(&level, 1));
-      const double value = fit.similarities(std::span(&motion, 1), false, quiet)[0];
+      const double value = fit.similarities(std::span(&motion, 1), quiet)[0];
       views.projections += fit.projections();
       if (value <= best) continue;
       best = value;
       views.tones[v] = tone;
+      views.curves[v] = ToneCurve(tone);
     }
   }
 }
@@ -299,6 +307,8 @@ Registration Registrar::refined(Prepared& views, std::span<const RigidMotion> st
     }
     constexpr double kApart_mm = 3;
     candidates = distinct(std::move(candidates), kApart_mm, kKept[level], *pyramid_);
+    if (level >= 1 && level + 1 < kLevels)
+      views.curves = fit.tones_at(candidates[0].motion, views.curves, quiet);
     if (candidates.size() > 1) next_best = candidates[1].similarity / candidates[0].similarity;
     views.projections += fit.projections();
     progress.advance();
@@ -319,7 +329,8 @@ Registration Registrar::told(const Prepared& views, const PoseFit::Refined& pose
                            .lao_rad = std::atan2(towards.x, -towards.y),
                            .cranial_rad = std::asin(std::clamp(towards.z, -1.0, 1.0)),
                            .similarity = similarities[v],
-                           .tone = views.tones[v]});
+                           .tone = views.tones[v],
+                           .curve = views.curves[v]});
   }
   const glm::dvec3 sd_mm(pose.sd[0], pose.sd[1], pose.sd[2]), sd_rad(pose.sd[3], pose.sd[4], pose.sd[5]);
   const glm::dvec3 half_2 = glm::pow(0.5 * (pyramid_->upper_mm() - pyramid_->lower_mm()), glm::dvec3(2));
@@ -361,7 +372,10 @@ Registration Registrar::find(std::span<const Xray> xrays, const RigidMotion& sta
 Registration Registrar::follow(std::span<const Xray> xrays, const Registration& last, Progress& progress) {
   const Stopwatch stopwatch;
   Prepared views = prepared(xrays, last.motion, false, progress);
-  for (std::size_t v = 0; v < xrays.size() && v < last.views.size(); ++v) views.tones[v] = last.views[v].tone;
+  for (std::size_t v = 0; v < xrays.size() && v < last.views.size(); ++v) {
+    views.tones[v] = last.views[v].tone;
+    views.curves[v] = last.views[v].curve;
+  }
   Registration found = refined(views, std::span(&last.motion, 1), 1, progress);
   constexpr double kLeastShare = 0.7;  // of the similarity before; below, the pose was lost
   const auto sum = [](const Registration& pose) {

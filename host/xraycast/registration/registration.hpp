@@ -6,6 +6,7 @@
 #include "xraycast/registration/attenuation_pyramid.hpp"
 #include "xraycast/registration/pose_fit.hpp"
 #include "xraycast/registration/rigid_motion.hpp"
+#include "xraycast/registration/tone_curve.hpp"
 #include "xraycast/registration/view_level.hpp"
 #include "xraycast/registration/xray.hpp"
 #include "xraycast/volume/volume.hpp"
@@ -42,6 +43,7 @@ struct Registration {
     double lao_rad = 0, cranial_rad = 0;
     double similarity = 0;  ///< gradient NCC, -1 to 1
     Tone tone = Tone::log_intensity;
+    ToneCurve curve{Tone::log_intensity};  ///< by which it was compared
   };
   RigidMotion motion;       ///< of the scan in front of the X-rays' cameras
   std::vector<View> views;  ///< one an X-ray

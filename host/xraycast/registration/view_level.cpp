@@ -25,25 +25,10 @@ GreyRange range_of(const Xray& xray, const std::vector<std::uint8_t>& mask) {
   return {dark, std::max(light, std::nextafter(dark, HUGE_VALF))};
 }
 
-float depth_in(Tone tone, float share) {
-  constexpr float kOffset = 0.03F;  // keeps the noise of dark pixels down
-  switch (tone) {
-    case Tone::intensity:
-      return -share;
-    case Tone::log_intensity:
-      return -std::log(share + kOffset);
-    case Tone::inverted_intensity:
-      return share;
-    case Tone::inverted_log_intensity:
-      break;
-  }
-  return -std::log(1 - share + kOffset);
-}
-
 }  // namespace
 
 ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, const PictureBox& box, int factor,
-                   Tone tone) {
+                   const ToneCurve& tone) {
   const int width = (box.right - box.left) / factor, height = (box.bottom - box.top) / factor;
   if (width < 16 || height < 16)
     throw InputError("{}: less than 16 x 16 pixels of it show the scan", xray.name);
@@ -51,6 +36,7 @@ ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, cons
   ViewLevel level{.camera = of_means(xray.camera.value(), {box.left, box.top}, factor, {width, height}),
                   .share = (1 - 1 / (1.0 * factor * factor)) / 24,
                   .counted = {},
+                  .greys = {},
                   .edges = {}};
   std::vector<std::uint8_t> inside;
   std::vector<float> depths;
@@ -68,7 +54,8 @@ ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, cons
           ++count;
         }
       inside.push_back(count == factor * factor);
-      depths.push_back(depth_in(tone, count > 0 ? static_cast<float>(sum / count) : 0));
+      level.greys.push_back(count > 0 ? static_cast<float>(sum / count) : 0);
+      depths.push_back(tone(level.greys.back()));
     }
   level.counted = within_filter(inside, width, height);
   level.edges = edges_of(depths, width, height);

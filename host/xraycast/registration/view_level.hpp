@@ -1,18 +1,13 @@
 #pragma once
 
 #include "xraycast/registration/edge_filter.hpp"
+#include "xraycast/registration/tone_curve.hpp"
 #include "xraycast/registration/xray.hpp"
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
 namespace xraycast {
-
-/// How an X-ray's greys say what attenuates: they fall or grow with it, as intensities or as their logarithm.
-enum class Tone { intensity, log_intensity, inverted_intensity, inverted_log_intensity };
-inline constexpr std::array kTones{Tone::log_intensity, Tone::intensity, Tone::inverted_log_intensity,
-                                   Tone::inverted_intensity};
 
 /// An X-ray at one resolution.
 struct ViewLevel {
@@ -21,7 +16,8 @@ struct ViewLevel {
   /// are nearly means over the pixels, as the X-ray's are.
   double share = 0;
   std::vector<std::uint8_t> counted;  ///< pixels that are compared
-  Edges edges;                        ///< of depths in a tone, which grow with what attenuates
+  std::vector<float> greys;           ///< shares, greys, from the darkest to the lightest of the picture
+  Edges edges;                        ///< of depths by a tone curve, which grow with what attenuates
 };
 
 /// Means over factor x factor pixels of the part of the picture's mask within the box. Throws InputError,
@@ -30,7 +26,7 @@ struct PictureBox {
   int left = 0, top = 0, right = 0, bottom = 0;  ///< the last two are one beyond
 };
 ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, const PictureBox& box, int factor,
-                   Tone tone);
+                   const ToneCurve& tone);
 
 /// Means over pixels of depths in their middle.
 std::vector<float> spread(std::vector<float> depths, const ViewLevel& level);

@@ -3,11 +3,13 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/projection/view.hpp"
+#include "xraycast/series/dicom_frames.hpp"
 #include "xraycast/series/dicom_header.hpp"
+#include "xraycast/series/dicom_pixels.hpp"
 
 #include <glm/trigonometric.hpp>
 
-#include <bit>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <fstream>
@@ -22,9 +24,7 @@ namespace fs = std::filesystem;
 
 constexpr DicomTag kSourceToDetector = 0x00181110, kSourceToPatient = 0x00181111,
                    kImagerPixelSpacing = 0x00181164, kPrimaryAngle = 0x00181510, kSecondaryAngle = 0x00181511,
-                   kPrimaryIncrements = 0x00181520, kSecondaryIncrements = 0x00181521, kFrames = 0x00280008,
-                   kRows = 0x00280010, kColumns = 0x00280011, kBitsAllocated = 0x00280100,
-                   kSamplesPerPixel = 0x00280002, kPixelRepresentation = 0x00280103;
+                   kPrimaryIncrements = 0x00181520, kSecondaryIncrements = 0x00181521;
 
 std::optional<double> number(const DicomHeader& header, DicomTag tag, std::size_t index = 0) {
   const std::vector<double> numbers = header.numbers(tag);
@@ -49,65 +49,34 @@ std::optional<PinholeCamera> camera_of(const DicomHeader& header, std::size_t fr
   return camera_of(view);
 }
 
-/// Where the pixels are in the file, and what they are.
-struct Layout {
-  int width, height;
-  std::size_t frames, bytes;  ///< per pixel
-  bool is_signed, is_swapped;
-  std::int64_t offset_B;
-  std::size_t frame_B() const {
-    return static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * bytes;
-  }
-};
-
-Layout layout_of(const DicomHeader& header, const std::string& name) {
-  const auto rows = header.unsigned_short(kRows), columns = header.unsigned_short(kColumns),
-             bits = header.unsigned_short(kBitsAllocated);
-  const auto& pixels = header.pixel_data();
-  if (!rows || !columns || !bits || !pixels) throw InputError("{}: has no picture", name);
-  if (header.unsigned_short(kSamplesPerPixel).value_or(1) != 1)
-    throw InputError("{}: its picture is in colour, and not an X-ray", name);
-  if (pixels->encapsulated || header.deflated_B())
-    throw InputError("{}: its picture is compressed; decompress it, as by `dcmdjpeg` or `gdcmconv --raw`",
-                     name);
-  if (*bits != 8 && *bits != 16) throw InputError("{}: pixels of {} bits are not supported", name, *bits);
-  const double frames = number(header, kFrames).value_or(1);
-  if (!(frames >= 1 && frames <= 1e5)) throw InputError("{}: Number of Frames must be 1 to 100000", name);
-  Layout layout{.width = *columns,
-                .height = *rows,
-                .frames = static_cast<std::size_t>(frames),
-                .bytes = *bits / std::size_t{8},
-                .is_signed = header.unsigned_short(kPixelRepresentation).value_or(0) == 1,
-                .is_swapped = pixels->byte_swapped,
-                .offset_B = pixels->offset_B};
-  if (static_cast<std::int64_t>(layout.frames * layout.frame_B()) > pixels->length_B)
-    throw InputError("{}: the file ends within its pictures", name);
-  return layout;
-}
-
-float value_of(const unsigned char* bytes, const Layout& layout) {
-  if (layout.bytes == 1) return *bytes;
-  const unsigned low = bytes[layout.is_swapped ? 1 : 0], high = bytes[layout.is_swapped ? 0 : 1];
-  const auto value = static_cast<std::uint16_t>(high << 8 | low);
-  return layout.is_signed ? static_cast<float>(std::bit_cast<std::int16_t>(value))
-                          : static_cast<float>(value);
+/// So that all stored values stay within a volume's 16 bits; brightness and contrast do not matter.
+void fit_into_hu(DicomSlice& slice) {
+  const int bits = slice.pixels.bits_stored;
+  slice.slope = bits > 15 ? 0.5 : 1;
+  slice.intercept = slice.pixels.is_signed ? slice.slope * std::exp2(bits - 1) : 0;
 }
 
 std::vector<Xray> read_dicom(const fs::path& path) {
   const DicomHeader header(path);
-  const Layout layout = layout_of(header, path.string());
-  std::ifstream file(path, std::ios::binary);
-  file.seekg(layout.offset_B);
+  std::vector<DicomSlice> slices = read_pictures(header, path);
+  for (DicomSlice& slice : slices) {
+    if (slice.pixels.bits_allocated > 16)
+      throw InputError("{}: pixels of {} bits are not supported; export it with 16", path.string(),
+                       slice.pixels.bits_allocated);
+    fit_into_hu(slice);
+  }
+  DicomPixelDecoder decoder;
+  decoder.prepare(slices);
   std::vector<Xray> xrays;
-  std::vector<unsigned char> bytes(layout.frame_B());
-  for (std::size_t frame = 0; frame < layout.frames; ++frame) {
-    file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    if (!file) throw InputError("{}: the file ends within its pictures", path.string());
-    Xray xray{.name = path.string(), .width = layout.width, .height = layout.height, .pixels = {}};
-    if (layout.frames > 1) xray.name += ", frame " + std::to_string(frame + 1);
-    for (std::size_t i = 0; i < bytes.size(); i += layout.bytes)
-      xray.pixels.push_back(value_of(&bytes[i], layout));
-    xray.camera = camera_of(header, frame, layout.width, layout.height);
+  for (const DicomSlice& slice : slices) {
+    Xray xray{.name = slice.name(),
+              .width = static_cast<int>(slice.columns),
+              .height = static_cast<int>(slice.rows),
+              .pixels = {}};
+    std::vector<std::int16_t> values(static_cast<std::size_t>(slice.columns * slice.rows));
+    decoder.decode(slice, values);
+    xray.pixels.assign(values.begin(), values.end());
+    xray.camera = camera_of(header, xrays.size(), xray.width, xray.height);
     xrays.push_back(std::move(xray));
   }
   return xrays;

@@ -205,6 +205,36 @@ Frame read_frame(const DicomHeader& header, const DicomItem& groups, DicomSlice 
   return {std::move(slice), content.text(kStackId), content.unsigned_long(kTemporalIndex).value_or(0)};
 }
 
+/// A few bytes of a deflated file may describe a million frames.
+void check_frames(std::size_t frames, const fs::path& file) {
+  constexpr std::size_t kMostFrames = 65536;
+  if (frames > kMostFrames)
+    throw InputError("{}: {} frames (NumberOfFrames (0028,0008)) are more than {}; export it in parts",
+                     file.string(), frames, kMostFrames);
+}
+
+/// The same file's slices, each with its own pieces of the pixels.
+std::vector<DicomSlice> slices_of_frames(const DicomSlice& common, const DicomHeader::PixelData& pixels,
+                                         std::size_t frames) {
+  const std::string file = common.file.string();
+  if (!pixels.encapsulated && common.pixels.bits_allocated % 8 != 0)
+    throw InputError("{}: BitsAllocated (0028,0100) is {}; export frames of 8, 16 or 32 bits a pixel", file,
+                     common.pixels.bits_allocated);
+  const auto packed = pixels.encapsulated ? pieces_of_frames(pixels, frames, common.file)
+                                          : std::vector<std::vector<ByteRange>>();
+  std::vector<DicomSlice> slices(frames, common);
+  for (std::size_t f = 0; f < frames; ++f) {
+    slices[f].frame = static_cast<std::int64_t>(f) + 1;
+    const std::int64_t begin_B = static_cast<std::int64_t>(f) * frame_B(common);
+    slices[f].pixels.pieces =
+        pixels.encapsulated
+            ? packed[f]
+            : std::vector{ByteRange{pixels.offset_B + begin_B,
+                                    std::clamp<std::int64_t>(pixels.length_B - begin_B, 0, frame_B(common))}};
+  }
+  return slices;
+}
+
 /// How many frames of plain pixels the file holds as a whole.
 std::size_t whole_frames(const DicomSlice& common, const DicomHeader::PixelData& pixels) {
   return static_cast<std::size_t>(pixels.length_B / std::max<std::int64_t>(1, frame_B(common)));
@@ -227,30 +257,14 @@ std::vector<Frame> read_frames(const DicomHeader& header, const fs::path& file, 
   if (number_or(header, kNumberOfFrames, 1) != static_cast<double>(groups.size()))
     throw DamagedSlice("{}: NumberOfFrames (0028,0008) is {}, but {} frames are described; export it again",
                        file.string(), header.text(kNumberOfFrames), groups.size());
-  // A few bytes of a deflated file may describe a million frames.
-  constexpr std::size_t kMostFrames = 65536;
-  if (groups.size() > kMostFrames)
-    throw InputError("{}: {} frames (NumberOfFrames (0028,0008)) are more than {}; export it in parts",
-                     file.string(), groups.size(), kMostFrames);
+  check_frames(groups.size(), file);
   const DicomSlice common = common_of(header, file);
   const DicomHeader::PixelData& pixels = *header.pixel_data();
-  if (!pixels.encapsulated && common.pixels.bits_allocated % 8 != 0)
-    throw InputError("{}: BitsAllocated (0028,0100) is {}; export frames of 8, 16 or 32 bits a pixel",
-                     file.string(), common.pixels.bits_allocated);
-  const auto packed = pixels.encapsulated ? pieces_of_frames(pixels, groups.size(), file)
-                                          : std::vector<std::vector<ByteRange>>();
+  std::vector<DicomSlice> slices = slices_of_frames(common, pixels, groups.size());
   std::vector<Frame> frames;
   for (std::size_t f = 0; f < groups.size(); ++f) {
-    DicomSlice slice = common;
-    slice.frame = static_cast<std::int64_t>(f) + 1;
-    const std::int64_t begin_B = static_cast<std::int64_t>(f) * frame_B(common);
-    slice.pixels.pieces =
-        pixels.encapsulated
-            ? packed[f]
-            : std::vector{ByteRange{pixels.offset_B + begin_B,
-                                    std::clamp<std::int64_t>(pixels.length_B - begin_B, 0, frame_B(common))}};
     try {
-      frames.push_back(read_frame(header, groups[f], std::move(slice), is_ct));
+      frames.push_back(read_frame(header, groups[f], std::move(slices[f]), is_ct));
     } catch (const DamagedSlice& error) {
       if (++summary.faulty_slices == 1) summary.fault = error.what();
     }
@@ -296,6 +310,26 @@ void read_slices(const DicomHeader& header, const fs::path& file, DicomFileSumma
   // Of frames at one place the first is kept.
   std::ranges::stable_sort(frames, {}, &Frame::time);
   for (Frame& frame : frames) summary.slices.push_back(std::move(frame.slice));
+}
+
+std::vector<DicomSlice> read_pictures(const DicomHeader& header, const fs::path& file) {
+  check_header(header, file);
+  DicomSlice common = common_of(header, file);
+  if (common.columns < 1 || common.rows < 1)
+    throw InputError("{}: has no picture (Rows (0028,0010), Columns (0028,0011))", file.string());
+  const DicomHeader::PixelData& pixels = *header.pixel_data();
+  const double frames = number_or(header, kNumberOfFrames, 1);
+  if (!(frames >= 1)) throw InputError("{}: NumberOfFrames (0028,0008) is {}", file.string(), frames);
+  if (frames == 1) {
+    common.pixels.pieces =
+        pixels.encapsulated ? pixels.fragments : std::vector{ByteRange{pixels.offset_B, pixels.length_B}};
+    check_pixels(common);
+    return {common};
+  }
+  check_frames(static_cast<std::size_t>(std::min(frames, 1e9)), file);
+  std::vector<DicomSlice> slices = slices_of_frames(common, pixels, static_cast<std::size_t>(frames));
+  for (const DicomSlice& slice : slices) check_pixels(slice);
+  return slices;
 }
 
 }  // namespace xraycast

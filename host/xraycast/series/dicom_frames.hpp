@@ -12,4 +12,8 @@ namespace xraycast {
 /// says so and the others are there.
 void read_slices(const DicomHeader& header, const std::filesystem::path& file, DicomFileSummary& summary);
 
+/// The frames of a file as pictures that lie nowhere, such as X-rays: stored values are not rescaled. Throws
+/// InputError for what is not supported, and DamagedSlice.
+std::vector<DicomSlice> read_pictures(const DicomHeader& header, const std::filesystem::path& file);
+
 }  // namespace xraycast

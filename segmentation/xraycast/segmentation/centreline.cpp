@@ -122,7 +122,7 @@ std::vector<VesselPoint> with_radii(const Line& line, const Lumen& lumen, double
   constexpr std::size_t kTangentReach = 4;
   std::vector<double> radii_mm;
   for (std::size_t i = 0; i < line.size(); ++i)
-    radii_mm.push_back(std::max(0.5 * lumen.voxel_mm(),
+    radii_mm.push_back(std::max(lumen.least_radius_mm(),
                                 cross_section(lumen, line[i], tangent_at(line, i, kTangentReach)).radius_mm));
   radii_mm = smoothed(radii_mm, 2 * lumen.coarsest_mm() / step_mm);
   std::vector<VesselPoint> points;
@@ -262,12 +262,14 @@ SkeletonGraph linked_graph(Mask skeleton, const std::vector<ComponentLink>& link
 }  // namespace
 
 Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progress& progress,
-                                const std::optional<glm::dvec3>& root_mm, const LumenFill* fill) {
+                                const std::optional<glm::dvec3>& root_mm, const LumenFill* fill,
+                                const Lumen* given) {
   const Box box = grown(bounding_box(mask), 2, mask.geometry.size);
   if (box.empty()) throw InputError("{}: no vessel: the mask is empty", name);
   const Mask part = crop(mask, box);
   Mask skeleton = thin(part, progress);
-  const Lumen lumen(part);
+  std::optional<MaskLumen> of_mask;
+  const Lumen& lumen = given != nullptr ? *given : of_mask.emplace(part);
   const ComponentLinks found = link_components(skeleton, [&](const Index3& end) {
     const glm::dvec3 end_mm = part.geometry.to_world_mm(glm::dvec3(end));
     return face_within(mask.geometry, end + box.lower,

@@ -4,6 +4,7 @@
 #include "xraycast/evidence/lumen_fill.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mask/mask.hpp"
+#include "xraycast/segmentation/lumen.hpp"
 
 #include <optional>
 #include <string>
@@ -24,14 +25,15 @@ struct Centrelines {
 /// to the centroids of their cross-sections and smoothed. The radius is that of the cross-section, bounded by
 /// the distance transform; within its parent's lumen a branch keeps the radius that it has outside. Points
 /// are at most one voxel apart. Where the `fill` is given, thin vessels have the radii of circles as large as
-/// their lumen (radii_from_fill). The root is the free end nearest to `root_mm`; without it the thickest free
-/// end of an elongated vessel, which excludes the dome of an aneurysm.
+/// their lumen (radii_from_fill). Where the `lumen` is known better than by the mask's voxels, lines and
+/// radii follow it. The root is the free end nearest to `root_mm`; without it the thickest free end of an
+/// elongated vessel, which excludes the dome of an aneurysm.
 ///
 /// Throws InputError, with `name` in front, when no structure in the mask is longer than it is wide. Thinning
 /// and centring are stages of `progress`.
 Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progress& progress,
                                 const std::optional<glm::dvec3>& root_mm = {},
-                                const LumenFill* fill = nullptr);
+                                const LumenFill* fill = nullptr, const Lumen* lumen = nullptr);
 inline Centrelines extract_centrelines(const Mask& mask, const std::string& name) {
   Progress unheard;
   return extract_centrelines(mask, name, unheard);

@@ -26,22 +26,22 @@ double interpolate(const Mask& grid, const std::vector<T>& values, const glm::dv
 
 }  // namespace
 
-Lumen::Lumen(const Mask& mask) : mask_(mask), distance_mm_(distance_to_background_mm(mask)) {
+MaskLumen::MaskLumen(const Mask& mask) : mask_(mask), distance_mm_(distance_to_background_mm(mask)) {
   const glm::dvec3 s = mask.geometry.spacing_mm;
   voxel_mm_ = std::min({s.x, s.y, s.z});
   coarsest_mm_ = std::max({s.x, s.y, s.z});
 }
 
-bool Lumen::contains(const glm::dvec3& point_mm) const {
+bool MaskLumen::contains(const glm::dvec3& point_mm) const {
   const glm::dvec3 at = mask_.geometry.to_index(point_mm), last(mask_.geometry.size - Index3(1));
   return at.x >= 0 && at.y >= 0 && at.z >= 0 && at.x <= last.x && at.y <= last.y && at.z <= last.z;
 }
 
-double Lumen::inscribed_radius_mm(const glm::dvec3& point_mm) const {
-  return std::max(0.5 * voxel_mm_, interpolate(mask_, distance_mm_, point_mm) - 0.5 * voxel_mm_);
+double MaskLumen::inscribed_radius_mm(const glm::dvec3& point_mm) const {
+  return std::max(least_radius_mm(), interpolate(mask_, distance_mm_, point_mm) - 0.5 * voxel_mm_);
 }
 
-double Lumen::occupancy(const glm::dvec3& point_mm) const {
+double MaskLumen::occupancy(const glm::dvec3& point_mm) const {
   return interpolate(mask_, mask_.voxels, point_mm);
 }
 

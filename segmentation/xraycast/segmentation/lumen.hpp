@@ -6,25 +6,41 @@
 
 namespace xraycast {
 
-/// A vessel mask and its distance transform between voxel centres, by trilinear interpolation. The mask must
-/// outlive it.
+/// The space inside vessels, as the extraction of centrelines asks for it.
 class Lumen {
  public:
-  explicit Lumen(const Mask& mask);
+  virtual ~Lumen() = default;
 
-  /// The finest and the coarsest spacing of the grid.
-  double voxel_mm() const { return voxel_mm_; }
-  double coarsest_mm() const { return coarsest_mm_; }
+  /// The finest and the coarsest spacing of the grid on which the vessels' skeleton was found.
+  virtual double voxel_mm() const = 0;
+  virtual double coarsest_mm() const = 0;
 
-  /// Whether a point lies between the grid's voxel centres.
-  bool contains(const glm::dvec3& point_mm) const;
+  /// No vessel is taken to be thinner than this.
+  virtual double least_radius_mm() const = 0;
 
-  /// Radius of the largest sphere around a point that fits in the lumen; half a voxel less than to the next
-  /// voxel outside, and at least half a voxel.
-  double inscribed_radius_mm(const glm::dvec3& point_mm) const;
+  /// Whether something is known of a point.
+  virtual bool contains(const glm::dvec3& point_mm) const = 0;
 
-  /// From 1 inside to 0 outside; the wall is at one half.
-  double occupancy(const glm::dvec3& point_mm) const;
+  /// Radius of the largest sphere around a point that fits in the lumen, not less than the least radius.
+  virtual double inscribed_radius_mm(const glm::dvec3& point_mm) const = 0;
+
+  /// From 1 inside to 0 outside, falling outwards; the wall is at one half.
+  virtual double occupancy(const glm::dvec3& point_mm) const = 0;
+};
+
+/// A vessel mask and its distance transform between voxel centres, by trilinear interpolation: the inscribed
+/// radius is half a voxel less than the distance to the next voxel outside. The mask must outlive it. Nothing
+/// is known beyond the grid's outermost voxel centres.
+class MaskLumen : public Lumen {
+ public:
+  explicit MaskLumen(const Mask& mask);
+
+  double voxel_mm() const override { return voxel_mm_; }
+  double coarsest_mm() const override { return coarsest_mm_; }
+  double least_radius_mm() const override { return 0.5 * voxel_mm_; }
+  bool contains(const glm::dvec3& point_mm) const override;
+  double inscribed_radius_mm(const glm::dvec3& point_mm) const override;
+  double occupancy(const glm::dvec3& point_mm) const override;
 
  private:
   const Mask& mask_;

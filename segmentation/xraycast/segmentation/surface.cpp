@@ -111,19 +111,22 @@ Mesh surface_of_volume(const Mask& mask, double lumen_mm3, std::size_t triangles
   const Box box = bounding_box(mask);
   if (box.empty()) throw Error("the mask is empty, so it has no surface");
   const Mask part = crop(mask, box);
-  Mesh whole = mesh_of_volume(*smoothed_mask(part), lumen_mm3);
-  if (whole.triangles.size() <= triangles) return whole;
-  const double volume = volume_mm3(whole);
-  for (std::size_t target = triangles; target < whole.triangles.size(); target *= 2) {
-    check_cancelled();
-    Mesh fewer = decimated(whole, target);
-    constexpr double kShrinking = 0.01;
-    if (is_watertight(fewer) && std::abs(volume_mm3(fewer) / volume - 1) < kShrinking) return fewer;
-  }
-  return whole;
+  return with_fewer_triangles(mesh_of_volume(*smoothed_mask(part), lumen_mm3), triangles);
 }
 
 }  // namespace
+
+Mesh with_fewer_triangles(Mesh closed, std::size_t triangles) {
+  if (closed.triangles.size() <= triangles) return closed;
+  const double volume = volume_mm3(closed);
+  for (std::size_t target = triangles; target < closed.triangles.size(); target *= 2) {
+    check_cancelled();
+    Mesh fewer = decimated(closed, target);
+    constexpr double kShrinking = 0.01;
+    if (is_watertight(fewer) && std::abs(volume_mm3(fewer) / volume - 1) < kShrinking) return fewer;
+  }
+  return closed;
+}
 
 Mesh surface_of(const Mask& mask, std::size_t triangles) {
   return surface_of_volume(mask, static_cast<double>(mask.count()) * voxel_mm3(mask.geometry), triangles);

@@ -17,4 +17,8 @@ Mesh surface_of(const Mask& mask, std::size_t triangles);
 /// encloses the lumen's volume.
 Mesh surface_of(const Mask& mask, const LumenFill& fill, std::size_t triangles);
 
+/// A closed surface decimated to about that many triangles by meshoptimizer, less where that would open it or
+/// change its volume by more than a hundredth.
+Mesh with_fewer_triangles(Mesh closed, std::size_t triangles);
+
 }  // namespace xraycast

@@ -20,7 +20,7 @@ namespace {
 
 /// The volume of tubes around a mask's centrelines, up to the nearest voxels outside.
 double volume_of_tubes_mm3(const Mask& mask) {
-  const Lumen lumen(mask);
+  const MaskLumen lumen(mask);
   const SkeletonGraph centrelines = prune(trace(thin(mask)), lumen);
   double volume_mm3 = 0;
   for (const SkeletonGraph::Edge& edge : centrelines.edges)

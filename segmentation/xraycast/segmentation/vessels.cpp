@@ -108,7 +108,7 @@ void check_root(const VesselTree& tree, const glm::dvec3& root_mm) {
                  fmt::format("`root_mm` {:g},{:g},{:g}", root_mm.x, root_mm.y, root_mm.z));
 }
 
-void remove_stale_seg(const fs::path& file) {
+void remove_stale(const fs::path& file) {
   std::error_code error;
   if (fs::remove(file, error) || !error) return;
   throw InputError("{}: the file of an earlier run cannot be removed: {}; delete it", file.string(),
@@ -169,20 +169,24 @@ void write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automat
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw InputError("{}: the folder cannot be created: {}", folder.string(), error.message());
-  const auto& [mask, fill, centrelines, surface, log, weak, notes] = vessels;
-  const bool has_seg = why_no_seg(scan).empty();
+  const Mask& mask = vessels.mask;
+  const bool has_seg = vessels.is_on_scan && why_no_seg(scan).empty();
   const CancelScope scope(progress);
   OutputSet outputs;
-  write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
-  write_fractions(fill.geometry, fill.fractions, folder / "lumen.nrrd");
+  if (vessels.is_on_scan) {
+    write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
+    write_fractions(vessels.fill.geometry, vessels.fill.fractions, folder / "lumen.nrrd");
+  }
   if (has_seg)
     write_seg(scan, mask.geometry.spacing_mm.z, mask.voxels, {is_automatic, XRAYCAST_VERSION},
               folder / kVesselSegFile);
-  for (const char* name : {"tree.vtp", "tree.json"}) write_tree(centrelines.tree, folder / name);
-  for (const char* name : {"surface.vtp", "surface.stl"}) write_mesh(surface, folder / name);
+  for (const char* name : {"tree.vtp", "tree.json"}) write_tree(vessels.centrelines.tree, folder / name);
+  for (const char* name : {"surface.vtp", "surface.stl"}) write_mesh(vessels.surface, folder / name);
   check_cancelled();
   outputs.commit();
-  if (!has_seg) remove_stale_seg(folder / kVesselSegFile);
+  if (!has_seg) remove_stale(folder / kVesselSegFile);
+  if (!vessels.is_on_scan)
+    for (const char* name : {"mask.nrrd", "lumen.nrrd"}) remove_stale(folder / name);
 }
 
 }  // namespace xraycast

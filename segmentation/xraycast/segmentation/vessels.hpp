@@ -12,7 +12,7 @@ namespace xraycast {
 /// The vessels of a scan, and how they were found.
 struct Vessels {
   Mask mask;
-  LumenFill fill;  ///< how full of lumen voxels are
+  LumenFill fill;  ///< how full of lumen voxels are, on the mask's grid
   Centrelines centrelines;
   Mesh surface;
   SegmentLog log;
@@ -21,6 +21,9 @@ struct Vessels {
   /// five.
   double weak_fraction;
   std::vector<std::string> notes;  ///< what was left out, a line each
+  /// Whether the grid of mask and fill is a scan's. Else it is one around vessels that were given as a surface
+  /// or lines, for pictures only.
+  bool is_on_scan = true;
 };
 
 /// Finds the vessels of a scan. `name` is the scan's, for messages. The same request gives the same vessels
@@ -36,8 +39,8 @@ inline constexpr std::array kVesselFiles{"mask.nrrd", "lumen.nrrd",  kVesselSegF
                                          "tree.json", "surface.vtp", "surface.stl"};
 
 /// Writes vessels into a folder, which is made unless it exists: all files or none, because a mask beside
-/// another scan's tree would be misleading. `mask.seg.dcm` is a DICOM Segmentation of the scan's slices;
-/// where they do not let it be one (why_no_seg), that of an earlier scan is removed. Throws InputError when a
+/// another scan's tree would be misleading; vessels without a scan have no masks. `mask.seg.dcm` is a DICOM Segmentation of the scan's slices;
+/// where they do not let it be one (why_no_seg), that of an earlier scan is removed, and so are masks. Throws InputError when a
 /// file cannot be written or removed, Error when the disk is full. `is_automatic` is SegOptions'.
 void write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automatic,
                    const std::filesystem::path& folder, const Progress& progress);

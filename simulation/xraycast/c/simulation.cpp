@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/motion/body_clock.hpp"
 #include "xraycast/simulation/run.hpp"
 
 #include <algorithm>
@@ -9,12 +10,15 @@
 #include <cmath>
 #include <memory>
 #include <new>
+#include <optional>
 #include <span>
 #include <string>
 
 /// With room for what is copied out, so that reading a shape allocates only when it has grown.
 struct xrc_simulation {
   xraycast::Instruments instruments;
+  std::optional<xraycast::BodyClock> clock;  ///< of a body that moves
+  std::vector<std::string> modes;            ///< of its motion
   mutable std::vector<glm::dvec3> nodes_mm;
   mutable std::vector<xraycast::InstrumentContact> contacts;
 };
@@ -100,14 +104,51 @@ Instruments::Options options_of(const xrc_setup& setup) {
   return options;
 }
 
-xrc_simulation* simulation_of(const xrc_setup& setup) {
-  const Instruments::Options options = options_of(setup);
+/// A body's clock, with the modes that are held.
+BodyClock clock_of(const Motion& motion, const xrc_body& body) {
+  if (!std::isfinite(body.start_s)) throw InputError("start_s: is not finite");
+  BodyClock clock(motion, body.start_s);
+  if (body.speed != 0) clock.set_speed(body.speed);
+  for (const auto& [mode, phase] : array_of(body.held, body.held_count, "held"))
+    clock.hold(&given(mode, "held"), phase);
+  return clock;
+}
+
+/// `body` is null where it is still.
+xrc_simulation* simulation_of(const xrc_setup& setup, const xrc_body* body) {
+  Instruments::Options options = options_of(setup);
+  std::optional<BodyClock> clock;
+  if (body) {
+    options.motion = std::make_shared<const Motion>(read_motion(&given(body->motion_file, "motion_file")));
+    clock = clock_of(*options.motion, *body);
+    options.phases = clock->phases();
+  }
   const RunRequest request{.tree = std::make_shared<const VesselTree>(tree_of(setup)),
                            .instruments = instruments_named(instruments_of(setup)),
                            .entry = entry_of(setup)};
   check(request);
   return new xrc_simulation{
-      Instruments(*request.tree, request.instruments, xraycast::entry_of(request), options), {}, {}};
+      Instruments(*request.tree, request.instruments, xraycast::entry_of(request), options),
+      clock,
+      clock ? clock->names() : std::vector<std::string>(),
+      {},
+      {}};
+}
+
+/// Throws InputError unless they are 0 to 1, one a mode.
+std::span<const double> phases_of(std::span<const double> phases, const xrc_simulation& simulation) {
+  if (phases.size() != simulation.modes.size())
+    throw InputError("phases: {}, which should be {}, one a mode", phases.size(), simulation.modes.size());
+  for (const double phase : phases)
+    if (!(phase >= 0 && phase <= 1)) throw InputError("phases: {}, which should be 0 to 1", phase);
+  return phases;
+}
+
+/// Of a simulation of a body that moves.
+BodyClock& clock_of(xrc_simulation* simulation) {
+  std::optional<BodyClock>& clock = given(simulation, "simulation").clock;
+  if (!clock) throw InputError("simulation: its body is still; make it with xrc_create_moving()");
+  return *clock;
 }
 
 std::array<HubPose, Instruments::kMaxCount> targets_of(std::span<const xrc_hub> hubs, std::size_t count) {
@@ -154,7 +195,14 @@ const char* xrc_last_error() { return last_error.c_str(); }
 xrc_status xrc_create(const xrc_setup* setup, xrc_simulation** simulation) {
   return status_of([&] {
     xrc_simulation*& made = given(simulation, "simulation");
-    made = simulation_of(given(setup, "setup"));
+    made = simulation_of(given(setup, "setup"), nullptr);
+  });
+}
+
+xrc_status xrc_create_moving(const xrc_setup* setup, const xrc_body* body, xrc_simulation** simulation) {
+  return status_of([&] {
+    xrc_simulation*& made = given(simulation, "simulation");
+    made = simulation_of(given(setup, "setup"), &given(body, "body"));
   });
 }
 
@@ -162,9 +210,54 @@ void xrc_destroy(xrc_simulation* simulation) { delete simulation; }
 
 xrc_status xrc_step(xrc_simulation* simulation, const xrc_hub* hubs, size_t hub_count) {
   return status_of([&] {
+    auto& [instruments, clock, modes, nodes, touching] = given(simulation, "simulation");
+    const std::array targets = targets_of(array_of(hubs, hub_count, "hubs"), instruments.count());
+    if (clock) clock->advance(instruments.step_s());
+    instruments.step(std::span(targets).first(instruments.count()),
+                     clock ? clock->phases() : std::vector<double>());
+  });
+}
+
+xrc_status xrc_step_at(xrc_simulation* simulation, const xrc_hub* hubs, size_t hub_count,
+                       const double* phases, size_t phase_count) {
+  return status_of([&] {
     Instruments& instruments = given(simulation, "simulation").instruments;
     const std::array targets = targets_of(array_of(hubs, hub_count, "hubs"), instruments.count());
-    instruments.step(std::span(targets).first(instruments.count()));
+    instruments.step(std::span(targets).first(instruments.count()),
+                     phases_of(array_of(phases, phase_count, "phases"), *simulation));
+  });
+}
+
+xrc_status xrc_hold(xrc_simulation* simulation, const char* mode) {
+  return status_of([&] { clock_of(simulation).hold(&given(mode, "mode")); });
+}
+
+xrc_status xrc_release(xrc_simulation* simulation, const char* mode) {
+  return status_of([&] { clock_of(simulation).release(&given(mode, "mode")); });
+}
+
+xrc_status xrc_get_phases(const xrc_simulation* simulation, double* phases, size_t capacity, size_t* count) {
+  return status_of([&] {
+    const std::span<const double> now = given(simulation, "simulation").instruments.phases();
+    size_t& phase_count = given(count, "count");
+    array_of(phases, capacity, "phases");
+    std::copy_n(now.begin(), std::min(capacity, now.size()), phases);
+    phase_count = now.size();
+  });
+}
+
+xrc_status xrc_get_mode(const xrc_simulation* simulation, size_t mode, const char** name) {
+  return status_of([&] {
+    const std::vector<std::string>& modes = given(simulation, "simulation").modes;
+    if (mode >= modes.size()) throw InputError("mode: {}, of {} counted from 0", mode, modes.size());
+    given(name, "name") = modes[mode].c_str();
+  });
+}
+
+xrc_status xrc_get_tip_in_scan(const xrc_simulation* simulation, size_t instrument, double position_mm[3]) {
+  return status_of([&] {
+    const InstrumentTip tip = with(simulation, instrument).instruments.tip(instrument);
+    put(tip.scan_mm, &given(position_mm, "position_mm"));
   });
 }
 
@@ -196,7 +289,7 @@ xrc_status xrc_get_tip(const xrc_simulation* simulation, size_t instrument, xrc_
 xrc_status xrc_get_shape(const xrc_simulation* simulation, size_t instrument, double* nodes_mm,
                          size_t capacity, size_t* count) {
   return status_of([&] {
-    const auto& [instruments, nodes, touching] = with(simulation, instrument);
+    const auto& [instruments, clock, modes, nodes, touching] = with(simulation, instrument);
     size_t& node_count = given(count, "count");
     array_of(nodes_mm, capacity, "nodes_mm");
     instruments.copy_nodes(instrument, nodes);
@@ -207,7 +300,7 @@ xrc_status xrc_get_shape(const xrc_simulation* simulation, size_t instrument, do
 xrc_status xrc_get_contacts(const xrc_simulation* simulation, size_t instrument, xrc_contact* contacts,
                             size_t capacity, size_t* count) {
   return status_of([&] {
-    const auto& [instruments, nodes, touching] = with(simulation, instrument);
+    const auto& [instruments, clock, modes, nodes, touching] = with(simulation, instrument);
     size_t& contact_count = given(count, "count");
     array_of(contacts, capacity, "contacts");
     instruments.copy_contacts(instrument, touching);

@@ -43,6 +43,21 @@ typedef struct xrc_setup {
   double step_s;          /* 0: a millisecond */
 } xrc_setup;
 
+/* A mode of a motion that is held at a phase, 0 to 1. */
+typedef struct xrc_held_mode {
+  const char* mode;
+  double phase;
+} xrc_held_mode;
+
+/* How the body moves about the instruments; what else is 0 has a default. */
+typedef struct xrc_body {
+  const char* motion_file;   /* motion.json, as `xraycast motion` writes it; the tree is that of its scan */
+  double start_s;            /* the motion's time as the instruments are put in */
+  const xrc_held_mode* held; /* modes that are held from then on; the others go on */
+  size_t held_count;
+  double speed; /* of the others: 2 breathes and beats twice as fast; 0: 1 */
+} xrc_body;
+
 /* The position of a hub, an instrument's outer end, which the hand holds. */
 typedef struct xrc_hub {
   double insertion_mm; /* positive into the body; at 0 the tip is at the vessel's end */
@@ -70,6 +85,9 @@ typedef struct xrc_contact {
 
 /* Makes a simulation at an insertion of 0, which xrc_destroy() ends. Takes some 50 ms. */
 xrc_status xrc_create(const xrc_setup* setup, xrc_simulation** simulation);
+/* The same in a body that moves as time passes; the instruments lie in the body as it is, the tree in the
+ * scan. */
+xrc_status xrc_create_moving(const xrc_setup* setup, const xrc_body* body, xrc_simulation** simulation);
 void xrc_destroy(xrc_simulation* simulation); /* of NULL: nothing */
 
 /* One step in time towards a pose for each instrument, the outermost first: `hub_count` is how many there
@@ -77,6 +95,25 @@ void xrc_destroy(xrc_simulation* simulation); /* of NULL: nothing */
  * steady rate of one in `step_s`; a step takes a fraction of a millisecond. Reads no file and takes no lock.
  */
 xrc_status xrc_step(xrc_simulation* simulation, const xrc_hub* hubs, size_t hub_count);
+
+/* The same while the body moves to these phases, 0 to 1, one a mode in the motion's order, for a program with
+ * a clock of its own; the simulation's stands still. */
+xrc_status xrc_step_at(xrc_simulation* simulation, const xrc_hub* hubs, size_t hub_count,
+                       const double* phases, size_t phase_count);
+
+/* Holds a mode where it is, as a patient's breath, or lets it go on from there. */
+xrc_status xrc_hold(xrc_simulation* simulation, const char* mode);
+xrc_status xrc_release(xrc_simulation* simulation, const char* mode);
+
+/* The phases of the motion's modes as of the last step, in order. Writes at most `capacity`, and how many
+ * there are into `count`: 0 in a body that is still. */
+xrc_status xrc_get_phases(const xrc_simulation* simulation, double* phases, size_t capacity, size_t* count);
+
+/* The name of a mode, counted from 0, valid until xrc_destroy(). */
+xrc_status xrc_get_mode(const xrc_simulation* simulation, size_t mode, const char** name);
+
+/* What a tip's place shows: its position, but in a body that moves the scan's, where the tree lies. */
+xrc_status xrc_get_tip_in_scan(const xrc_simulation* simulation, size_t instrument, double position_mm[3]);
 
 xrc_status xrc_get_hub(const xrc_simulation* simulation, size_t instrument, xrc_hub* hub);
 xrc_status xrc_get_load(const xrc_simulation* simulation, size_t instrument, xrc_load* load);

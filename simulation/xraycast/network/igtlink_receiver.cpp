@@ -245,7 +245,14 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_string(std::span<const std::byte> c
     return Complaint{
         "string", fmt::format("sent STRING Contrast that is no rate of 0 to {:g} ml/s", kMaxInjection_ml_s)};
   }
-  return Complaint{"string", fmt::format("sent STRING '{}', which is neither Pedal nor Contrast", name_)};
+  if (name_ == "Body") {
+    constexpr std::size_t kLongest = 100;
+    if (text.size() <= kLongest) return BodyText{std::string(text)};
+    return Complaint{"string",
+                     fmt::format("sent STRING Body of {} characters, more than {}", text.size(), kLongest)};
+  }
+  return Complaint{"string",
+                   fmt::format("sent STRING '{}', which is none of Pedal, Contrast and Body", name_)};
 }
 
 IgtlinkReceiver::Event IgtlinkReceiver::read_transform(std::span<const std::byte> content) {

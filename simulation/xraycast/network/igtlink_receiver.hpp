@@ -50,6 +50,11 @@ struct ContrastRate {
   double ml_s = 0;
 };
 
+/// STRING `Body`: what is to change about a body in motion, in words.
+struct BodyText {
+  std::string text;
+};
+
 /// A message that is rejected.
 struct Complaint {
   std::string_view topic;  ///< a string literal
@@ -72,8 +77,8 @@ struct Complaint {
 /// https://github.com/openigtlink/OpenIGTLink/blob/master/Documents/Protocol/index.md.
 class IgtlinkReceiver {
  public:
-  using Event =
-      std::variant<HubMove, StatusRequest, StreamRequest, CArmMove, PedalPress, ContrastRate, Complaint>;
+  using Event = std::variant<HubMove, StatusRequest, StreamRequest, CArmMove, PedalPress, ContrastRate,
+                             BodyText, Complaint>;
   using Rotations = std::array<double, kMaxHubs>;  ///< rad
 
   /// A body longer than this means a damaged header: no message to a hub is nearly as long.

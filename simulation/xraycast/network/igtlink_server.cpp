@@ -213,7 +213,7 @@ bool IgtlinkServer::takes_hub(IgtlinkClient& client) {
   return true;
 }
 
-/// C-arm, pedal and contrast agent.
+/// C-arm, pedal, contrast agent and body.
 void IgtlinkServer::obey(IgtlinkClient& client, const IgtlinkReceiver::Event& event) {
   if (!watching_.is_allowed)
     return say(client, "session", "sent a command for the C-arm, which only `xraycast serve` obeys");
@@ -224,6 +224,10 @@ void IgtlinkServer::obey(IgtlinkClient& client, const IgtlinkReceiver::Event& ev
     client.is_pressing = press->is_down;
   } else if (const auto* rate = std::get_if<ContrastRate>(&event)) {
     client.injection_ml_s = rate->ml_s;
+  } else if (const auto* body = std::get_if<BodyText>(&event)) {
+    commands_.body.push_back(body->text);
+    if (commands_.body.size() > IgtlinkCommands::kKeptTexts) commands_.body.erase(commands_.body.begin());
+    ++commands_.body_texts;
   }
   client.last_use = now_;
   publish_commands();

@@ -5,6 +5,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 namespace xraycast {
 
@@ -38,6 +40,9 @@ struct IgtlinkCommands {
   double injection_ml_s = 0;  ///< the greatest
   View c_arm;  ///< the newest that a TRANSFORM `CArm` asked for: its angles, and the isocentre as its centre
   std::uint64_t c_arm_moves = 0;
+  static constexpr std::size_t kKeptTexts = 16;
+  std::vector<std::string> body;  ///< the last of what STRINGs `Body` asked for, oldest first
+  std::uint64_t body_texts = 0;   ///< so far
 };
 
 /// Of clients so far.

@@ -88,12 +88,12 @@ void check_injection(const RunRequest& request) {
 
 /// How far the body takes a place away from where it is at 0 s, at any key of a mode.
 double moves_mm(const RunRequest& request, const glm::dvec3& in_scan_mm) {
-  const Motion& motion = *request.motion;
-  const std::vector<double> start = phases_at(request, 0);
+  const Motion& motion = *request.body.motion;
+  const std::vector<double> start = phases_at(request.body, 0);
   const glm::dvec3 start_mm = motion.held_at(start).inverse_mm(in_scan_mm).x_mm;
   double furthest_mm = 0;
   for (std::size_t m = 0; m < start.size(); ++m) {
-    if (request.phase.contains(motion.modes()[m].name)) continue;
+    if (request.body.phase.contains(motion.modes()[m].name)) continue;
     for (const KeyPhase& key : motion.modes()[m].keys) {
       std::vector<double> phases = start;
       phases[m] = key.phase;
@@ -106,12 +106,8 @@ double moves_mm(const RunRequest& request, const glm::dvec3& in_scan_mm) {
 
 /// Throws InputError; returns a note where the entry moves.
 std::vector<std::string> check_motion(const RunRequest& request, const VesselEnd& entry) {
-  if (!request.motion) {
-    if (!request.phase.empty())
-      throw InputError("`phase` needs a motion; give `motion` too, or leave it out");
-    return {};
-  }
-  request.motion->phases_of(request.phase);
+  check(request.body);
+  if (!request.body.motion) return {};
   constexpr double kNoticed_mm = 1;
   const double away_mm = moves_mm(request, to_glm(entry.position_mm));
   if (away_mm < kNoticed_mm) return {};
@@ -234,18 +230,8 @@ std::vector<std::string> check(const RunRequest& request) {
   return notes;
 }
 
-std::vector<double> phases_at(const RunRequest& request, double time_s) {
-  if (!request.motion) return {};
-  std::vector<double> phases = request.motion->phases_at(time_s);
-  for (std::size_t m = 0; m < phases.size(); ++m) {
-    const auto held = request.phase.find(request.motion->modes()[m].name);
-    if (held != request.phase.end()) phases[m] = held->second;
-  }
-  return phases;
-}
-
 Instruments::Options instrument_options(const RunRequest& request) {
-  return {.motion = request.motion, .phases = phases_at(request, 0)};
+  return {.motion = request.body.motion, .phases = phases_at(request.body, 0)};
 }
 
 VesselEnd entry_of(const RunRequest& request) {
@@ -270,8 +256,8 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   if (!request.script) throw InputError("`script`: missing; without a hand it moves the hubs");
   const Script& script = *request.script;
   Run run{.entry = entry_of(request), .records = {}, .last = {}};
-  if (request.motion)
-    for (const MotionMode& mode : request.motion->modes()) run.modes.push_back(mode.name);
+  if (request.body.motion)
+    for (const MotionMode& mode : request.body.motion->modes()) run.modes.push_back(mode.name);
   Instruments instruments(*request.tree, request.instruments, run.entry, instrument_options(request));
   std::vector<HubPose> poses(instruments.count());
   const auto move_to = [&](double time_s, const std::vector<double>& phases) {
@@ -282,7 +268,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   Approach approach(first, instruments.count());
   while (!approach.is_over(instruments)) {
     progress.check();
-    move_to(first.time_s, phases_at(request, 0));
+    move_to(first.time_s, phases_at(request.body, 0));
     approach.check(instruments, instruments.time_s(), script.where(0));
   }
 
@@ -293,7 +279,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
       run.records.push_back(records_of(instruments, time_s));
   };
   const auto step = [&](double time_s) {
-    move_to(time_s, phases_at(request, time_s));
+    move_to(time_s, phases_at(request.body, time_s));
     if (instruments.is_held()) run.held_s += instruments.step_s();
     tell(time_s);
   };

@@ -2,12 +2,11 @@
 
 #include "xraycast/base/progress.hpp"
 #include "xraycast/coaxial/instruments.hpp"
-#include "xraycast/motion/motion.hpp"
+#include "xraycast/motion/body_request.hpp"
 #include "xraycast/simulation/injection.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -27,20 +26,16 @@ struct RunRequest {
   std::optional<Script> script{};  ///< none: a hand moves the hubs
   Injection injection{};           ///< of contrast agent, in pictures of the run
   double interval_s = 0;           ///< between records; 0: they are of the script's rows
-  /// How the body moves about the instruments; none: it is still. At 0 s of the script it is 0 s, until then
-  /// it is held.
-  std::shared_ptr<const Motion> motion{};
-  std::map<std::string, double> phase{};  ///< of modes by name that are held, 0 to 1; all others go on
+  /// How the body moves about the instruments. At 0 s of the script it is 0 s, until then it is held. Its
+  /// gate is for exposures.
+  BodyRequest body{};
 };
 
 /// Throws InputError for what cannot be run: no tree, instruments that do not fit into each other or into the
 /// vessel at their entry, a script that inserts one beyond its length, an injection through no lumen or after
-/// the script's end, and phases without a motion or of modes that it does not have. Returns notes: where the
+/// the script's end, and a body that cannot be (see check of BodyRequest). Returns notes: where the
 /// entry was not chosen, other ends that lie as low; an entry that the motion moves away from the introducer.
 std::vector<std::string> check(const RunRequest& request);
-
-/// Of the modes of a run's motion, in order, at a time of its script; none without a motion.
-std::vector<double> phases_at(const RunRequest& request, double time_s);
 
 /// How instruments are put in for a run.
 Instruments::Options instrument_options(const RunRequest& request);

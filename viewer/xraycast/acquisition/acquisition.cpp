@@ -51,12 +51,18 @@ void Acquisition::set_dose(DoseLevel dose) {
 void Acquisition::unlock() {
   fluoroscope_->hold_technique(false);
   subtraction_.reset();
+  masks_.clear();
   is_settled_ = !options_.subtracts;
 }
 
 void Acquisition::shift_mask(PixelShift shift) {
   options_.mask_shift = shift;
   if (subtraction_) subtraction_->shift_mask(shift);
+}
+
+void Acquisition::match_masks(const std::optional<MaskMatching>& matching) {
+  options_.mask_matching = matching;
+  begin_mask();
 }
 
 void Acquisition::begin_mask() {
@@ -66,6 +72,7 @@ void Acquisition::begin_mask() {
 
 void Acquisition::forget_mask() {
   subtraction_.reset();
+  masks_.clear();
   opacified_.clear();
 }
 
@@ -95,13 +102,26 @@ void Acquisition::subtract_mask(std::span<const float> depths, Use use) {
     subtraction_->shift_mask(options_.mask_shift);
   }
   const bool is_mask = use == Use::mask;
-  if (is_mask) subtraction_->add_to_mask(depths);
+  take_mask(depths, use);
   difference_.resize(depths.size());
   subtraction_->subtract(depths, difference_);
   if (fluoroscope_) fluoroscope_->clear_behind_blades(difference_);
   frame_.difference = difference_;
   if (!is_mask) opacified_.add(difference_);
   if (options_.shows_maximum_opacification && !is_mask) frame_.difference = opacified_.picture();
+}
+
+/// The mean of all masks, or the one whose phase is nearest.
+void Acquisition::take_mask(std::span<const float> depths, Use use) {
+  const auto& matching = options_.mask_matching;
+  if (!matching) {
+    if (use == Use::mask) subtraction_->add_to_mask(depths);
+    return;
+  }
+  const double phase = matching->mode < phases_.size() ? phases_[matching->mode] : 0;
+  if (use == Use::mask) masks_.add(phase, depths);
+  if (masks_.count() > 0)
+    subtraction_->set_mask(masks_.nearest(matching->phase.value_or(phase), matching->wraps));
 }
 
 std::optional<ExposureRecord> Acquisition::record() const {

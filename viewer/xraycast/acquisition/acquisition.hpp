@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/acquisition/phase_masks.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/fluoroscope/subtraction.hpp"
 
@@ -17,6 +18,8 @@ struct AcquisitionOptions {
   bool subtracts = false;                           ///< digital subtraction angiography
   PixelShift mask_shift{};                          ///< subtraction: of the mask
   bool shows_maximum_opacification = false;  ///< subtraction: every frame has the vessels filled so far
+  /// Subtraction: masks of phases of the body; none: their mean, whatever the phase.
+  std::optional<MaskMatching> mask_matching{};
 };
 
 /// How the greys of a pulse or a difference are displayed.
@@ -64,6 +67,9 @@ class Acquisition {
   enum class Use { filled, mask };
   const AcquiredFrame& expose(const RayDepths& rays, const View& view, Use use = Use::filled);
 
+  /// Of the next exposures, in the motion's order: masks are matched by them.
+  void set_phases(std::span<const double> phases) { phases_.assign(phases.begin(), phases.end()); }
+
   /// Settles now, for the view of the last frame.
   void settle(const RayDepths& rays);
 
@@ -76,6 +82,7 @@ class Acquisition {
   void subtract(bool subtracts);
   void set_dose(DoseLevel dose);
   void shift_mask(PixelShift shift);
+  void match_masks(const std::optional<MaskMatching>& matching);  ///< begins another mask
 
   /// Subtraction: the most that every pixel had in a frame since the mask; empty before.
   std::span<const float> opacified() const { return opacified_.picture(); }
@@ -83,7 +90,9 @@ class Acquisition {
   const AcquisitionOptions& options() const { return options_; }
   const Fluoroscope* fluoroscope() const { return fluoroscope_ ? &*fluoroscope_ : nullptr; }
   Fluoroscope* fluoroscope() { return fluoroscope_ ? &*fluoroscope_ : nullptr; }
-  int mask_frames() const { return subtraction_ ? subtraction_->mask_frames() : 0; }
+  int mask_frames() const {
+    return options_.mask_matching ? masks_.count() : subtraction_ ? subtraction_->mask_frames() : 0;
+  }
   bool is_saturated() const { return is_saturated_; }                 ///< the detector, in any pulse
   bool is_held() const { return options_.subtracts && is_settled_; }  ///< the technique
 
@@ -93,10 +102,13 @@ class Acquisition {
  private:
   void unlock();
   void subtract_mask(std::span<const float> depths, Use use);
+  void take_mask(std::span<const float> depths, Use use);
 
   AcquisitionOptions options_;
   std::optional<Fluoroscope> fluoroscope_;
   std::optional<Subtraction> subtraction_;
+  PhaseMasks masks_;
+  std::vector<double> phases_;
   MaximumOpacification opacified_;
   AcquiredFrame frame_;
   std::vector<float> difference_;

@@ -1,6 +1,7 @@
 #include "xraycast/acquisition/console.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace xraycast {
@@ -47,14 +48,15 @@ void FluoroscopyConsole::next_dose() {
   if (acquisition_) acquisition_->set_dose(options_.dose);
 }
 
-bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
+bool FluoroscopyConsole::is_due(bool pedal, double passed_s, bool is_gate_open) {
   const bool was_down = pedal_;
   pedal_ = pedal;
   if (!was_down || !pedal) paused_s_ += passed_s;
   if (!pedal) return false;
   begins_run_ = begins_run_ || !was_down;
   since_pulse_s_ = was_down ? since_pulse_s_ + passed_s : 1 / options_.pulses_per_s;
-  if (since_pulse_s_ * options_.pulses_per_s < 1) return false;
+  if (!is_gate_open) since_pulse_s_ = std::min(since_pulse_s_, 1 / options_.pulses_per_s);
+  if (since_pulse_s_ * options_.pulses_per_s < 1 || !is_gate_open) return false;
   // A display that is late skips pulses; it does not make up for them.
   since_pulse_s_ = std::min(since_pulse_s_ - 1 / options_.pulses_per_s, 1 / options_.pulses_per_s);
   return true;
@@ -65,7 +67,9 @@ void FluoroscopyConsole::restart(const FluoroscopyOptions& options, const View& 
   const DoseRecord before = dose();
   FluoroscopyOptions continued = options;
   continued.seed += static_cast<std::uint32_t>(before.pulses);  // or the noise of earlier pulses comes again
-  Acquisition other({.fluoroscope = continued, .subtracts = subtracts_, .mask_shift = shift_}, view, *path_);
+  Acquisition other(
+      {.fluoroscope = continued, .subtracts = subtracts_, .mask_shift = shift_, .mask_matching = matching_},
+      view, *path_);
   acquisition_.emplace(std::move(other));
   before_ = before;
 }
@@ -90,7 +94,19 @@ void FluoroscopyConsole::turn_to(const View& view) {
   view_ = view;
 }
 
-void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, const WaterPath& path) {
+int FluoroscopyConsole::mask_pulses() const {
+  constexpr int kUsual = 4;
+  if (!matching_) return kUsual;
+  return 1 + static_cast<int>(std::ceil(matching_->cycle_s * options_.pulses_per_s));
+}
+
+void FluoroscopyConsole::match_masks(const std::optional<MaskMatching>& matching) {
+  matching_ = matching;
+  if (acquisition_) acquisition_->match_masks(matching);
+}
+
+void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, const WaterPath& path,
+                                std::span<const double> phases) {
   use_path(path);
   if (!acquisition_) {
     restart(options_, view);
@@ -101,6 +117,7 @@ void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, co
   if (begins_run_) acquisition_->fluoroscope()->begin_run(paused_s_);
   begins_run_ = false;
   paused_s_ = 0;
+  acquisition_->set_phases(phases);
   const AcquiredFrame& frame =
       acquisition_->expose(tau, view, is_masking() ? Acquisition::Use::mask : Acquisition::Use::filled);
   is_saturated_ = frame.pulse->is_saturated;

@@ -25,12 +25,14 @@ class FluoroscopyConsole {
   void next_dose();
 
   /// Whether the next pulse is due; call once a frame with the time since the last call. The first one is due
-  /// at once when the pedal goes down.
-  bool is_due(bool pedal, double passed_s);
+  /// at once when the pedal goes down. While a gate is closed it is not, and then as soon as that opens.
+  bool is_due(bool pedal, double passed_s, bool is_gate_open = true);
 
   /// A pulse through optical depths of a view. In a view of another geometry, or of a map with another path,
-  /// mask, angiogram and road map are lost.
-  void expose(std::span<const float> tau, const View& view, const WaterPath& path);
+  /// mask, angiogram and road map are lost. `phases` of a body in motion, in order, for masks that are
+  /// matched.
+  void expose(std::span<const float> tau, const View& view, const WaterPath& path,
+              std::span<const double> phases = {});
 
   /// The held image: 8-bit greys, row 0 on top; empty before the first exposure.
   std::span<const std::uint8_t> image() const { return image_; }
@@ -43,8 +45,12 @@ class FluoroscopyConsole {
   void subtract(bool subtracts);
   bool subtracts() const { return subtracts_; }
   void take_new_mask();
+
+  /// Masks of phases of the body, for which pulses of a whole cycle are taken; none: the mean of a few.
+  void match_masks(const std::optional<MaskMatching>& matching);
+  const std::optional<MaskMatching>& mask_matching() const { return matching_; }
   bool is_masking() const {
-    return subtracts_ && (!acquisition_ || acquisition_->mask_frames() < kMaskPulses);
+    return subtracts_ && (!acquisition_ || acquisition_->mask_frames() < mask_pulses());
   }
   void shift_mask(PixelShift shift);
   PixelShift mask_shift() const { return shift_; }
@@ -67,8 +73,7 @@ class FluoroscopyConsole {
   void forget_pictures();
 
  private:
-  static constexpr int kMaskPulses = 4;
-
+  int mask_pulses() const;
   void use_path(const WaterPath& path);
   void restart(const FluoroscopyOptions& options, const View& view);
   void turn_to(const View& view);
@@ -84,6 +89,7 @@ class FluoroscopyConsole {
   double since_pulse_s_ = 0, paused_s_ = 0;
   bool begins_run_ = false, is_saturated_ = false, subtracts_ = false;
   PixelShift shift_;
+  std::optional<MaskMatching> matching_;
   std::vector<float> road_map_;
 };
 

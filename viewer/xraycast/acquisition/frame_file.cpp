@@ -58,6 +58,11 @@ void FrameFile::add(const AcquiredFrame& frame, const GreyDisplay& display) {
     write_projection({frame.view, {depths.begin(), depths.end()}, 0}, file_);
 }
 
+void FrameFile::add_at(const FrameInstant& instant, const AcquiredFrame& frame) {
+  add(frame);
+  if (xa_) xa_->tell_instant(instant.time_s, instant.has_r_wave);
+}
+
 void FrameFile::add_to_xa(const AcquiredFrame& frame) {
   if (frame.difference.empty() || holds_mask_) {
     if (frame.pulse) return xa_->add_codes(frame.view, frame.pulse->codes);

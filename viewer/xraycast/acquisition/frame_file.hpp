@@ -11,6 +11,12 @@
 
 namespace xraycast {
 
+/// When a frame was taken.
+struct FrameInstant {
+  double time_s = 0;
+  bool has_r_wave = false;  ///< since the frame before
+};
+
 /// Writes the frames of an acquisition as they come: displayed pictures in a .png
 /// or another picture file, a .gif or a folder, a float picture, or a DICOM XA image.
 class FrameFile {
@@ -34,6 +40,10 @@ class FrameFile {
   /// A frame: what is shown of it; else differences of a subtraction, a detector's codes or signal, or
   /// optical depths.
   void add(const AcquiredFrame& frame, const GreyDisplay& display = {});
+
+  /// The same at an instant of its own: a DICOM file has the times of frames that are not evenly spaced, and
+  /// the R waves.
+  void add_at(const FrameInstant& instant, const AcquiredFrame& frame);
 
   void finish(const std::optional<ExposureRecord>& exposure, int mask_frames = 0);
 

@@ -65,9 +65,10 @@ MapAcquisition::MapAcquisition(Renderer& renderer, MapScene scene, const Picture
 
 void MapAcquisition::set_phases(std::span<const double> phases) {
   renderer_.set_phases(phases);
+  phases_.assign(phases.begin(), phases.end());
   if (!moving_) return;
-  scene_.vessels = moving_->at(phases);
-  show_vessels(true);
+  scene_.vessels->mesh.points_mm = moving_->at(phases).mesh.points_mm;
+  renderer_.move_surface(0, scene_.vessels->mesh.points_mm);  // the first of those that are shown
 }
 
 void MapAcquisition::show_vessels(bool shows) {
@@ -79,13 +80,22 @@ void MapAcquisition::show_vessels(bool shows) {
 
 const AcquiredFrame& MapAcquisition::frame(const View& view) {
   if (options_.acquisition.subtracts) {
-    show_vessels(false);
-    acquisition_.begin_mask();
-    acquisition_.expose(renderer_.tau(view, options_.style), view, Acquisition::Use::mask);
-    show_vessels(true);
+    take_mask(view);
   }
   tau_ = renderer_.tau(view, options_.style);
   return acquisition_.expose(tau_, view);
+}
+
+void MapAcquisition::take_mask(const View& view) {
+  std::vector<double> phases = phases_;
+  const bool is_other = masks_ && masks_->phase && masks_->mode < phases.size();
+  if (is_other) phases[masks_->mode] = *masks_->phase;
+  if (is_other) renderer_.set_phases(phases);
+  show_vessels(false);
+  acquisition_.begin_mask();
+  acquisition_.expose(renderer_.tau(view, options_.style), view, Acquisition::Use::mask);
+  show_vessels(true);
+  if (is_other) renderer_.set_phases(phases_);
 }
 
 std::vector<std::uint8_t> MapAcquisition::picture(const View& view) {

@@ -51,6 +51,9 @@ class MapAcquisition {
   /// The instant of the next frames, of the map (see Renderer::set_phases) and of the vessels.
   void set_phases(std::span<const double> phases);
 
+  /// Masks are taken while a mode stands at a phase of its own; until then as it does in the frame.
+  void hold_masks(const MaskMatching& masks) { masks_ = masks; }
+
   /// The next frame, subtracted from a mask of the same view. Throws InputError when the map cannot be drawn
   /// so.
   const AcquiredFrame& frame(const View& view);
@@ -64,12 +67,15 @@ class MapAcquisition {
   std::vector<std::uint8_t> greys(const View& view);
   std::vector<std::uint8_t> drawn(const View& view);
   void show_vessels(bool shows);
+  void take_mask(const View& view);
 
   Renderer& renderer_;
   MapScene scene_;
   PictureOptions options_;
   Acquisition acquisition_;
   std::optional<MovingSurface> moving_;  ///< the vessels
+  std::optional<MaskMatching> masks_;
+  std::vector<double> phases_;
   std::optional<RoadMap> road_map_;
   std::optional<SubtractionWindow> window_;
   std::vector<float> tau_;  ///< of the frame

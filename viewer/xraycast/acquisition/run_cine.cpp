@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -20,6 +21,10 @@ double radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
       .points[static_cast<std::size_t>(
           std::min(beyond - branch.arc_length_mm.begin(), std::ssize(branch.points) - 1))]
       .radius_mm;
+}
+
+double pulse_s(const AcquisitionOptions& options) {
+  return options.fluoroscope ? 1e-3 * options.fluoroscope->c_arm.tube.pulse_ms : 0;
 }
 
 }  // namespace
@@ -40,31 +45,60 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
                    path_of(map->attenuation, options.picture.acquisition)),
       bolus_(tree, options.blood),
       contrast_(tree),
-      road_map_(tree) {
-  if (options.motion) {
-    check_same_modes(*map, *options.motion);
+      road_map_(tree),
+      next_s_(exposure_time_s(options.body, 0)) {
+  if (const auto& motion = options.body.motion) {
+    check_same_modes(*map, *motion);
     Progress progress;
-    contrast_points_.emplace(contrast_.whole().mesh.points_mm, *options.motion, progress);
+    contrast_points_.emplace(contrast_.whole().mesh.points_mm, *motion, progress);
   }
   renderer_.set_map(std::move(map));
   if (const auto& fluoroscope = options.picture.acquisition.fluoroscope)
     options_.step_s = 1 / fluoroscope->pulses_per_s;
+  blur_ = {.pulse_s = pulse_s(options.picture.acquisition), .pixel_mm = pixel_at_axis_mm(options.view)};
   Style& style = options_.picture.style;
   style.window = automatic_window(renderer_, options_.view, style);
   style.full_contrast = true;
 }
 
 bool RunCine::advance(const Instruments& instruments, double time_s) {
-  if (time_s <= 0 || time_s < next_s_) return false;
+  const bool takes = takes_frame(instruments, time_s);
+  remember(instruments, time_s);
+  return takes;
+}
+
+bool RunCine::takes_frame(const Instruments& instruments, double time_s) {
+  const bool exposes = is_exposed(time_s);
+  if (time_s <= 0 || !(exposes || time_s >= next_flow_s_)) return false;
   const std::optional<std::size_t> outlet = agent_outlet(instruments);
   inject(place_of(instruments.tip(outlet.value_or(0))), outlet.has_value(), time_s);
-  if (time_s < begin_s()) return false;
-  place(instruments);
+  if (!exposes || time_s < begin_s()) return false;
+  note_r_wave(time_s);
+  acquisition_.set_phases(instruments.phases());
+  place(instruments, time_s);
+  return true;
+}
+
+void RunCine::note_r_wave(double time_s) {
+  has_r_wave_ = has_r_wave_between(options_.body, last_frame_s_, time_s);
+  last_frame_s_ = time_s;
+}
+
+/// A frame is due, and the gate open. The next one is due a pulse later, or with a gate after this one.
+bool RunCine::is_exposed(double time_s) {
+  if (time_s <= 0 || time_s < next_s_) return false;
+  next_s_ = options_.body.gate ? exposure_time_s(options_.body, time_s + options_.step_s)
+                               : next_s_ + options_.step_s;
   return true;
 }
 
 double RunCine::begin_s() const {
-  return options_.picture.acquisition.subtracts ? std::max(options_.injection.from_s - kMask_s, 0.0) : 0;
+  const AcquisitionOptions& acquired = options_.picture.acquisition;
+  if (!acquired.subtracts) return 0;
+  const auto& matching = acquired.mask_matching;
+  const double cycle_s =
+      matching && options_.body.speed > 0 ? matching->cycle_s / options_.body.speed + options_.step_s : 0;
+  return std::max(options_.injection.from_s - std::max(kMask_s, cycle_s), 0.0);
 }
 
 std::int64_t RunCine::most_frames(double longest_s) const {
@@ -79,7 +113,7 @@ void RunCine::inject(const VesselTree::Location& tip, bool is_lumen_free, double
     bolus_.step(time_s - last_s_, tip, is_lumen_free ? rate_ml_s : 0, options_.injection.agent_mg_ml);
   }
   last_s_ = time_s;
-  next_s_ += options_.step_s;
+  while (next_flow_s_ <= time_s) next_flow_s_ += options_.step_s;
   if (is_before_injection(time_s)) window_.black = opacified_tau(tip);
 }
 
@@ -94,22 +128,45 @@ double RunCine::opacified_tau(const VesselTree::Location& tip) const {
   return 2 * radius_mm(tree_, tip) * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted);
 }
 
-/// The contrast agent's surface follows the instruments'.
-void RunCine::place(const Instruments& instruments) {
-  const std::span<const double> phases = instruments.phases();
-  if (!phases.empty()) renderer_.set_phases(phases);
+/// So much later, at which the script has another time: the contrast agent's surface follows the
+/// instruments'.
+std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double later_s, double time_s) {
   std::vector<glm::dvec3> nodes_mm;
-  std::size_t surfaces = 0;
+  std::vector<Surface> surfaces;
   for (std::size_t d = 0; d < instruments.count(); ++d) {
     instruments.copy_nodes(d, nodes_mm);
-    for (const Surface& surface : instrument_surfaces(nodes_mm, instruments.rod(d).instrument()))
-      renderer_.replace_surface(surfaces++, surface);
+    if (later_s != 0 && d < before_mm_.size())
+      nodes_mm = moved_on(nodes_mm, before_mm_[d], time_s - before_s_, later_s);
+    for (Surface& surface : instrument_surfaces(nodes_mm, instruments.rod(d).instrument()))
+      surfaces.push_back(std::move(surface));
   }
-  if (options_.picture.style.look != Look::fluoro) return;
-  renderer_.replace_surface(surfaces,
-                            contrast_points_ && !phases.empty()
-                                ? contrast_.filled(bolus_.iodine_mg_ml(), contrast_points_->at(phases))
-                                : contrast_.filled(bolus_.iodine_mg_ml()));
+  if (options_.picture.style.look != Look::fluoro) return surfaces;
+  const std::vector<double> phases =
+      later_s == 0 ? std::vector(instruments.phases().begin(), instruments.phases().end())
+                   : phases_at(options_.body, time_s + later_s);
+  surfaces.push_back(contrast_points_ && !phases.empty()
+                         ? contrast_.filled(bolus_.iodine_mg_ml(), contrast_points_->at(phases))
+                         : contrast_.filled(bolus_.iodine_mg_ml()));
+  return surfaces;
+}
+
+void RunCine::place(const Instruments& instruments, double time_s) {
+  if (!instruments.phases().empty()) renderer_.set_phases(instruments.phases());
+  std::vector<Surface> surfaces = surfaces_of(instruments, 0, time_s);
+  if (blur_.is_on()) {
+    const double from_middle_s = blur_.from_middle_s();
+    surfaces = seen_by_pulse(surfaces_of(instruments, -from_middle_s, time_s), std::move(surfaces),
+                             surfaces_of(instruments, from_middle_s, time_s), blur_.pixel_mm);
+  }
+  for (std::size_t s = 0; s < surfaces.size(); ++s) renderer_.replace_surface(s, surfaces[s]);
+}
+
+/// For the way of the instruments in a pulse.
+void RunCine::remember(const Instruments& instruments, double time_s) {
+  if (!blur_.is_on()) return;
+  before_s_ = time_s;
+  before_mm_.resize(instruments.count());
+  for (std::size_t d = 0; d < instruments.count(); ++d) instruments.copy_nodes(d, before_mm_[d]);
 }
 
 const AcquiredFrame& RunCine::frame() {

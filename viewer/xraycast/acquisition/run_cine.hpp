@@ -1,9 +1,12 @@
 #pragma once
 
+#include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/acquisition/map_acquisition.hpp"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/motion/body_request.hpp"
 #include "xraycast/motion/moving_points.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/scene/pulse_blur.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/injection.hpp"
 
@@ -30,10 +33,11 @@ class RunCine {
     Injection injection;       ///< none: of no duration
     Blood blood;
     /// Of the run: the contrast agent moves by it, and the map too, if it is one that moves; the road map
-    /// stays as it was taken, at phase 0.
-    std::shared_ptr<const Motion> motion{};
+    /// stays as it was taken, at phase 0. Frames wait for its gate.
+    BodyRequest body{};
   };
-  static constexpr double kMask_s = 0.5;  ///< what a run of subtraction shows before the injection
+  /// What a run of subtraction shows before the injection; with masks of phases at least a cycle of them.
+  static constexpr double kMask_s = 0.5;
 
   /// The tree must outlive the cine. Throws InputError for a map that moves by other modes than the run.
   RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options);
@@ -45,6 +49,9 @@ class RunCine {
 
   /// Its optical depths, and with a fluoroscope its pulse; neither has a road map.
   const AcquiredFrame& frame();
+
+  /// When that is, by the run's time, and whether an R wave of the body's heart came since the frame before.
+  FrameInstant instant() const { return {last_s_, has_r_wave_}; }
 
   /// The same as it is displayed: 8-bit RGB, row 0 on top.
   std::vector<std::uint8_t> picture();
@@ -64,7 +71,12 @@ class RunCine {
   bool is_before_injection(double time_s) const;
   double opacified_tau(const VesselTree::Location& tip) const;
   void inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s);
-  void place(const Instruments& instruments);
+  bool takes_frame(const Instruments& instruments, double time_s);
+  bool is_exposed(double time_s);
+  void note_r_wave(double time_s);
+  std::vector<Surface> surfaces_of(const Instruments& instruments, double later_s, double time_s);
+  void place(const Instruments& instruments, double time_s);
+  void remember(const Instruments& instruments, double time_s);
 
   const VesselTree& tree_;
   Options options_;
@@ -76,7 +88,13 @@ class RunCine {
   RoadMap road_map_;
   SubtractionWindow window_;
   std::vector<float> tau_;
-  double last_s_ = 0, next_s_ = 0, injected_ml_ = 0, withheld_ml_ = 0;
+  double last_s_ = 0, next_flow_s_ = 0, injected_ml_ = 0, withheld_ml_ = 0;
+  double next_s_;  ///< of a frame
+  PulseBlur blur_;
+  std::vector<std::vector<glm::dvec3>> before_mm_;  ///< the instruments' nodes a step ago
+  double before_s_ = 0;
+  double last_frame_s_ = 0;
+  bool has_r_wave_ = false;
 };
 
 }  // namespace xraycast

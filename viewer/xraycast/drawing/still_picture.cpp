@@ -12,6 +12,7 @@ std::string still_png(Renderer& renderer, const ExportRequest& request) {
   if (request.vessels && request.shows_vessels) surfaces.push_back(*request.vessels);
   surfaces.insert(surfaces.end(), request.catheters.begin(), request.catheters.end());
   renderer.set_map(request.map);
+  if (moves(request)) renderer.set_phases(first_phases(request));
   renderer.set_surfaces(surfaces);
   const View view = view_of(request.pose, bounds_of(request.map->geometry), kWidth, kHeight);
   Style style = request.style;

@@ -4,11 +4,13 @@
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/export/gltf_file.hpp"
 #include "xraycast/export/web_page.hpp"
 #include "xraycast/sampling/column_samples.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/vessels.hpp"
 
 #include <algorithm>
@@ -41,6 +43,45 @@ void check_map(const BodyMap& map, const std::string& name) {
     throw InputError(
         "{}: {} of {} x {} texels, but a page holds at most {} of them; cast it with `layers` {}", name,
         pluralize(geometry.layers(), "layer"), geometry.width, geometry.height, most_layers, most_layers);
+}
+
+/// Of a map that moves.
+void check_keys(const ExportRequest& request) {
+  const BodyMap& map = *request.map;
+  const std::string& name = request.map_name;
+  if (request.precision != MapPrecision::byte)
+    throw InputError("{}: moves, and such maps are of bytes; leave out `precision`", name);
+  if (map.keys->phases().phases().size() > kMostWebModes)
+    throw InputError("{}: moves by {} modes, but a page shows at most {}; cast it by a motion with fewer",
+                     name, map.keys->phases().phases().size(), kMostWebModes);
+  if (map.keys->size_B() > kMostWebKeyTexels)
+    throw InputError(
+        "{}: its key maps have {} million texels, but a page holds at most {}; give fewer `keys`", name,
+        map.keys->size_B() / 1'000'000, kMostWebKeyTexels / 1'000'000);
+}
+
+void check_motion(const ExportRequest& request) {
+  const BodyRequest& body = request.body;
+  const bool is_given = body.motion || !body.phase.empty() || body.speed != 1 || body.gate;
+  if (!request.map->keys) {
+    if (is_given)
+      throw InputError(
+          "{}: stands still; cast one that moves with `motion` alone, or leave out what moves it",
+          request.map_name);
+    return;
+  }
+  if (body.motion) check_same_modes(*request.map, *body.motion);
+  const Motion& rhythm = request.map->keys->phases().rhythm();
+  rhythm.phases_of(body.phase);
+  constexpr double kFastest = 100;
+  if (!(body.speed >= 0 && body.speed <= kFastest))
+    throw InputError("`motion_speed` {:g}: must be 0 to {:g}", body.speed, kFastest);
+  if (!body.gate) return;
+  const auto& [mode, phase] = *body.gate;
+  if (std::ranges::find(rhythm.modes(), mode, &MotionMode::name) == rhythm.modes().end() ||
+      !(phase >= 0 && phase <= 1))
+    throw InputError("`gate` {}={:g}: must be a mode of {} and its phase, 0 to 1", excerpt(mode), phase,
+                     request.map_name);
 }
 
 void check_vessels(const Surface& vessels, const BodyBounds& bounds, const std::string& name) {
@@ -89,12 +130,39 @@ bool suits_web(const BodyMap& map) {
 std::vector<std::string> check(const ExportRequest& request) {
   const bool is_page = request.format == ExportFormat::page;
   if (is_page) check_map(*request.map, request.map_name);
+  check_motion(request);
+  if (is_page && moves(request)) check_keys(request);
   if (request.vessels)
     check_vessels(*request.vessels, bounds_of(request.map->geometry), request.vessels_name);
-  if (!is_page || request.live || request.style.sampling == SampleOptions{}) return {};
-  return {
-      "a page adds up shells by the path in each, reconstructed linearly; the session's walls or constant "
-      "shells are not exported"};
+  std::vector<std::string> notes;
+  if (!is_page || request.live) return notes;
+  if (request.map->keys && !moves(request))
+    notes.emplace_back(
+        "the run's instruments moved in a body that stood still, which the page shows at phase 0");
+  else if (request.map->keys && request.vessels && !request.body.motion)
+    notes.emplace_back(
+        "the vessels stay where they are at phase 0 of the map's motion; give `motion`, by which it was "
+        "cast, "
+        "to move them too");
+  if (request.style.sampling != SampleOptions{})
+    notes.emplace_back(
+        "a page adds up shells by the path in each, reconstructed linearly; the session's walls or constant "
+        "shells are not exported");
+  return notes;
+}
+
+bool moves(const ExportRequest& request) {
+  return request.map->keys && !request.live && (!request.run || request.run->moves);
+}
+
+std::vector<double> first_phases(const ExportRequest& request) {
+  const Motion& rhythm = request.map->keys->phases().rhythm();
+  std::vector<double> phases = rhythm.phases_at(0);
+  for (std::size_t m = 0; m < phases.size(); ++m) {
+    const auto held = request.body.phase.find(rhythm.modes()[m].name);
+    if (held != request.body.phase.end()) phases[m] = held->second;
+  }
+  return phases;
 }
 
 ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const BodyMap> map) {
@@ -123,6 +191,8 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
     throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
                      request.vessels_name, triangles, kMostWebTriangles);
   request.live = LiveRun{.instruments = run.instruments, .contrast = contrast.whole(), .has_hub = has_hub};
+  if (run.body.motion)
+    for (const MotionMode& mode : run.body.motion->modes()) request.live->modes.push_back(mode.name);
   request.pose = pose;
   request.is_of_session = true;
   request.shows_vessels = false;

@@ -2,6 +2,7 @@
 
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/export/recorded_run.hpp"
+#include "xraycast/motion/body_request.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
@@ -27,6 +28,7 @@ struct LiveRun {
   std::vector<InstrumentModel> instruments;  ///< from the outermost on
   Surface contrast;                          ///< all drums of a ContrastSurface
   bool has_hub = true;                       ///< the page moves the hubs; otherwise something else does
+  std::vector<std::string> modes{};          ///< of the body's motion, in order; none where it is still
 };
 
 /// A session to be shown elsewhere.
@@ -35,7 +37,10 @@ struct ExportRequest {
   std::string title = "Fluoroscopy";  ///< not a file's name, which may be the patient's
   std::shared_ptr<const BodyMap> map{};
   MapPrecision precision = MapPrecision::byte;  ///< of the page's copy of the map: byte or float16
-  std::optional<Surface> vessels{};
+  /// How the body of a map that moves does at first. Without a motion vessels stay where they are. In a run
+  /// that was recorded in a body that moves it follows the run's time instead, which knows no gate.
+  BodyRequest body{};
+  std::optional<Surface> vessels{};  ///< in the scan
   std::vector<Surface> catheters{};  ///< that do not move
   std::optional<RecordedRun> run{};
   std::optional<LiveRun> live{};
@@ -56,6 +61,14 @@ struct ExportRequest {
 inline constexpr std::int64_t kMostWebTexels = 16'777'216;
 inline constexpr int kMostWebAngles = 2047, kMostWebRows = 8192, kMostWebLayers = 128;
 inline constexpr std::size_t kMostWebTriangles = 2'000'000;
+/// Of all key maps of a body that moves, which become twice as many bytes on the GPU; and of its modes.
+inline constexpr std::size_t kMostWebKeyTexels = 67'108'864, kMostWebModes = 2;
+
+/// Whether the page shows a body that moves: its map does, and so did it in a run, if there is one.
+bool moves(const ExportRequest& request);
+
+/// Of the modes of a map that moves, in order, as a page without a run opens.
+std::vector<double> first_phases(const ExportRequest& request);
 
 /// Whether a page can show a map at all: a cylinder about a straight axis under one outline, with optical
 /// depths.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/casting/key_maps.hpp"
 
 #include <string>
 #include <vector>
@@ -18,5 +19,16 @@ struct PackedLayers {
 
 /// `precision` is byte or float16, the map one with optical depths.
 PackedLayers pack_layers(const BodyMap& map, MapPrecision precision);
+
+/// The key maps of a body that moves, ready to be deflated.
+struct PackedKeys {
+  PackedLayers first;         ///< key 0, as a map that stands still
+  std::string others;         ///< own rows, K x count x W of each: differences from those of the key before
+  std::vector<KeyRows> rows;  ///< of all keys; they begin at multiples of four, and end so or at the last row
+};
+
+/// Of a map with optical depths. The key before differs in one mode, by one phase: the last mode that is not
+/// at its first phase.
+PackedKeys pack_keys(const KeyMaps& maps, const MapGeometry& geometry);
 
 }  // namespace xraycast

@@ -33,6 +33,7 @@ RecordedRun RecordedRun::of(const std::vector<InstrumentModel>& models) {
 void RecordedRun::record(const Instruments& moved, double time_s) {
   constexpr double kRounding_s = 1e-9;
   if (time_s < static_cast<double>(pictures()) * step_s - kRounding_s) return;
+  moves = !moved.phases().empty();
   std::vector<glm::dvec3> nodes_mm;
   for (std::size_t d = 0; d < instruments.size(); ++d) {
     Instrument& instrument = instruments[d];

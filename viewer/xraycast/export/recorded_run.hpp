@@ -29,6 +29,7 @@ struct RecordedRun {
 
   double step_s = kUsualStep_s;
   std::vector<Instrument> instruments{};  ///< from the outermost on
+  bool moves = false;                     ///< in a body that did, by the run's time
 
   /// Of instruments that have yet to move.
   static RecordedRun of(const std::vector<InstrumentModel>& models);

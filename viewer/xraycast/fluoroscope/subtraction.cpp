@@ -53,6 +53,11 @@ void Subtraction::add_to_mask(std::span<const float> frame, const std::string& n
   is_moved_ = false;
 }
 
+void Subtraction::set_mask(std::span<const float> frame) {
+  mask_frames_ = 0;
+  add_to_mask(frame);
+}
+
 void Subtraction::shift_mask(PixelShift shift) {
   // Beyond the picture nothing of the mask would be left.
   const double x = static_cast<double>(width_), y = static_cast<double>(height_);

@@ -26,6 +26,9 @@ class Subtraction {
   /// front, for a picture of another size.
   void add_to_mask(std::span<const float> frame, const std::string& name = "mask");
 
+  /// Another mask instead of all that were added, one frame. Throws as add_to_mask.
+  void set_mask(std::span<const float> frame);
+
   int mask_frames() const { return mask_frames_; }
 
   /// Moves the mask under the frames (pixel shift), to fractions of a pixel by cubic interpolation; beyond

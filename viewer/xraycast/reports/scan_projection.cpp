@@ -7,9 +7,8 @@
 
 namespace xraycast {
 
-ScanProjection project_scan(const Volume& volume, std::span<const std::uint8_t> labels,
-                            std::span<const Colour> colours, int axis) {
-  const VolumeGeometry& g = volume.geometry();
+ScanProjection project_scan(const VolumeGeometry& g, const Volume* volume,
+                            std::span<const std::uint8_t> labels, std::span<const Colour> colours, int axis) {
   const int across = axis == 0 ? 1 : 0;
   const auto width = g.size[across], depth = g.size[axis];
   ScanProjection picture{axis,
@@ -20,7 +19,8 @@ ScanProjection project_scan(const Volume& volume, std::span<const std::uint8_t> 
                          {}};
   std::vector<float> mean(static_cast<std::size_t>(width * g.size.z)), thickness_mm(mean.size());
   std::vector<std::size_t> longest(mean.size());
-  const double darkest_hu = std::max<double>(-1000, *std::ranges::min_element(volume.hu()));
+  const double darkest_hu =
+      volume != nullptr ? std::max<double>(-1000, *std::ranges::min_element(volume->hu())) : 0;
   parallel_for(g.size.z, [&](std::int64_t z) {
     std::vector<std::int64_t> crossed(colours.size() + 1);
     for (std::int64_t u = 0; u < width; ++u) {
@@ -29,7 +29,7 @@ ScanProjection project_scan(const Volume& volume, std::span<const std::uint8_t> 
       for (std::int64_t v = 0; v < depth; ++v) {
         const std::int64_t x = axis == 0 ? v : u, y = axis == 0 ? u : v;
         // Values above bone are clipped, so that metal does not darken everything else.
-        sum += std::clamp<double>(volume.at(x, y, z) - darkest_hu, 0, 2500);
+        if (volume != nullptr) sum += std::clamp<double>(volume->at(x, y, z) - darkest_hu, 0, 2500);
         ++crossed[labels[static_cast<std::size_t>((z * g.size.y + y) * g.size.x + x)]];
       }
       const auto at = static_cast<std::size_t>((g.size.z - 1 - z) * width + u);

@@ -19,9 +19,14 @@ struct ScanProjection {
 };
 
 /// `labels` has a number for each voxel: 0 for none, else 1 + the index of its colour. Where a ray crosses
-/// several, the first colour shows if it is among them, else the one that the ray crosses longest.
-ScanProjection project_scan(const Volume& volume, std::span<const std::uint8_t> labels,
-                            std::span<const Colour> colours, int axis);
+/// several, the first colour shows if it is among them, else the one that the ray crosses longest. Without a
+/// volume the grid's labels lie on black.
+ScanProjection project_scan(const VolumeGeometry& grid, const Volume* volume,
+                            std::span<const std::uint8_t> labels, std::span<const Colour> colours, int axis);
+inline ScanProjection project_scan(const Volume& volume, std::span<const std::uint8_t> labels,
+                                   std::span<const Colour> colours, int axis) {
+  return project_scan(volume.geometry(), &volume, labels, colours, axis);
+}
 
 /// Draws a projection as large as fits into a box, in its middle. Returns the box that it fills.
 PixelBox draw_projection(Canvas& sheet, const ScanProjection& picture, const PixelBox& box);

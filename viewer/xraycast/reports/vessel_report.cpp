@@ -14,6 +14,7 @@
 #include <cmath>
 #include <functional>
 #include <numeric>
+#include <optional>
 
 namespace xraycast {
 namespace {
@@ -96,22 +97,27 @@ void draw(Canvas& sheet, int left, const ScanProjection& picture, const VolumeGe
 /// Measurements of a branch.
 struct BranchFacts {
   double length_mm, mean_radius_mm;
-  double mean_hu;  ///< of the scan along the centreline
+  std::optional<double> mean_hu;  ///< of the scan along the centreline
 };
 
-std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume& volume) {
+double mean_hu(const VesselBranch& branch, const Volume& volume) {
   const VolumeGeometry& g = volume.geometry();
+  double hu = 0;
+  for (const VesselPoint& point : branch.points) {
+    const Index3 voxel =
+        glm::clamp(Index3(glm::round(g.to_index(point.position_mm))), Index3(0), g.size - Index3(1));
+    hu += volume.at(voxel.x, voxel.y, voxel.z);
+  }
+  return hu / static_cast<double>(branch.points.size());
+}
+
+std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume* volume) {
   std::vector<BranchFacts> facts;
   for (const VesselBranch& branch : tree.branches()) {
-    double radius_mm = 0, hu = 0;
-    for (const VesselPoint& point : branch.points) {
-      const Index3 voxel =
-          glm::clamp(Index3(glm::round(g.to_index(point.position_mm))), Index3(0), g.size - Index3(1));
-      radius_mm += point.radius_mm;
-      hu += volume.at(voxel.x, voxel.y, voxel.z);
-    }
-    const auto count = static_cast<double>(branch.points.size());
-    facts.push_back({branch.arc_length_mm.back(), radius_mm / count, hu / count});
+    double radius_mm = 0;
+    for (const VesselPoint& point : branch.points) radius_mm += point.radius_mm;
+    facts.push_back({branch.arc_length_mm.back(), radius_mm / static_cast<double>(branch.points.size()), {}});
+    if (volume != nullptr) facts.back().mean_hu = mean_hu(branch, *volume);
   }
   return facts;
 }
@@ -122,7 +128,8 @@ void draw_table(Canvas& sheet, const VesselTree& tree, const std::vector<BranchF
     for (std::size_t i = 0; i < cells.size(); ++i)
       text(sheet, kTableLeft + kRight[i], kTop + kFont + line * kLine, cells[i], colour, Align::right);
   };
-  row(0, {"branch", "parent", "length mm", "radius mm", "HU"}, kFaint);
+  const bool has_hu = !facts.empty() && facts.front().mean_hu;
+  row(0, {"branch", "parent", "length mm", "radius mm", has_hu ? "HU" : ""}, kFaint);
   int line = 1;
   for (const std::size_t i : listed(tree)) {
     const BranchFacts& f = facts[i];
@@ -130,7 +137,7 @@ void draw_table(Canvas& sheet, const VesselTree& tree, const std::vector<BranchF
     row(line++,
         {fmt::format("{}", i), parent < 0 ? "root" : fmt::format("{}", parent),
          fmt::format("{:.1f}", f.length_mm), fmt::format("{:.2f}", f.mean_radius_mm),
-         fmt::format("{:.0f}", f.mean_hu)},
+         f.mean_hu ? fmt::format("{:.0f}", *f.mean_hu) : ""},
         kInk);
   }
   if (facts.size() > kRows)
@@ -166,16 +173,23 @@ std::string counts_of(const Centrelines& centrelines) {
 
 RgbPicture vessel_report(const std::string& name, const Vessels& vessels, const SegmentRequest& request,
                          const Volume& volume) {
-  check_mask_grid(vessels.mask.geometry, volume.geometry(), "vessels' mask");
+  return given_vessel_report(name, vessels, assumptions(vessels.log, request, vessels.weak_fraction),
+                             &volume);
+}
+
+RgbPicture given_vessel_report(const std::string& name, const Vessels& vessels, const std::string& origin,
+                               const Volume* scan) {
+  const VolumeGeometry& grid = vessels.mask.geometry;
+  if (scan != nullptr) check_mask_grid(grid, scan->geometry(), "vessels' mask");
   constexpr std::array kRed{Colour{0.95, 0.18, 0.15}};
   const VesselTree& tree = vessels.centrelines.tree;
   const std::vector<std::uint8_t>& mask = vessels.mask.voxels;
   Canvas sheet(kWidth, kHeight, kPaper);
   text(sheet, kMargin, 22, fmt::format("{}: {}", name, counts_of(vessels.centrelines)));
-  text(sheet, kMargin, 42, assumptions(vessels.log, request, vessels.weak_fraction), kFaint);
-  draw(sheet, kMargin, project_scan(volume, mask, kRed, 1), volume.geometry(), tree);
-  draw(sheet, kMargin + kPanelWidth + kMargin, project_scan(volume, mask, kRed, 0), volume.geometry(), tree);
-  draw_table(sheet, tree, branch_facts(tree, volume));
+  text(sheet, kMargin, 42, origin, kFaint);
+  draw(sheet, kMargin, project_scan(grid, scan, mask, kRed, 1), grid, tree);
+  draw(sheet, kMargin + kPanelWidth + kMargin, project_scan(grid, scan, mask, kRed, 0), grid, tree);
+  draw_table(sheet, tree, branch_facts(tree, scan));
   return {kWidth, kHeight, sheet.rgb()};
 }
 

@@ -18,4 +18,9 @@ std::string counts_of(const Centrelines& centrelines);
 RgbPicture vessel_report(const std::string& name, const Vessels& vessels, const SegmentRequest& request,
                          const Volume& volume);
 
+/// The same of vessels that were given, with a line on their origin below the title: over the scan whose grid
+/// their mask is on, or over black.
+RgbPicture given_vessel_report(const std::string& name, const Vessels& vessels, const std::string& origin,
+                               const Volume* scan);
+
 }  // namespace xraycast

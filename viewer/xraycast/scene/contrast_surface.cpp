@@ -89,6 +89,13 @@ Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_m
   return surface;
 }
 
+std::vector<glm::vec3> ContrastSurface::drums_moved_mm(std::span<const glm::vec3> points_mm) const {
+  std::vector<glm::vec3> moved_mm(drums_.size(), glm::vec3(0));
+  for (std::size_t p = 0; p < points_mm.size(); ++p)
+    moved_mm[p / kDrumPoints] += (points_mm[p] - whole_.points_mm[p]) / static_cast<float>(kDrumPoints);
+  return moved_mm;
+}
+
 Surface ContrastSurface::whole() const {
   Surface surface;
   surface.mesh = whole_;

@@ -34,6 +34,9 @@ class ContrastSurface {
   /// The mean concentration in every drum.
   std::vector<float> drums_mg_ml(const std::vector<std::vector<double>>& iodine_mg_ml) const;
 
+  /// How far each drum has been moved, where the points of `whole` are elsewhere: the mean of its points, mm.
+  std::vector<glm::vec3> drums_moved_mm(std::span<const glm::vec3> points_mm) const;
+
   /// All drums, whatever they hold: so many points and triangles each, one drum behind the other.
   Surface whole() const;
   std::size_t drums() const { return drums_.size(); }

@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -24,6 +26,20 @@ class HandMessage {
     const double value = field->is_number() ? field->get<double>() : std::nan("");
     if (!(value >= low && value <= high)) is_good_ = false;
     return value;
+  }
+
+  /// {"hold": {"breath": true}, "speed": 2, "gate": {"mode": "heart", "phase": 0.75}}: a mode is held where
+  /// it is, or at a phase, or with false goes on; a gate of null is none.
+  BodyChanges body(const char* name) {
+    BodyChanges changes;
+    const auto field = find(name);
+    if (field == json_.end()) return changes;
+    HandMessage body(*field);
+    if (const auto holds = body.find("hold"); holds != field->end()) changes.holds = body.holds(*holds);
+    if (body.find("speed") != field->end()) changes.speed = body.number("speed", 0, 100, 1);
+    if (const auto gate = body.find("gate"); gate != field->end()) changes.gate = body.gate(*gate);
+    if (!body.is_good()) is_good_ = false;
+    return changes;
   }
 
   bool flag(const char* name) {
@@ -48,6 +64,36 @@ class HandMessage {
   }
 
  private:
+  std::map<std::string, BodyChanges::Hold> holds(const nlohmann::json& modes) {
+    constexpr std::size_t kMost = 32;
+    std::map<std::string, BodyChanges::Hold> holds;
+    if (!modes.is_object() || modes.size() > kMost) is_good_ = false;
+    if (!is_good_) return holds;
+    HandMessage message(modes);
+    for (const auto& [mode, value] : modes.items()) {
+      BodyChanges::Hold& hold = holds[mode];
+      if (value.is_boolean())
+        hold.is_held = value.get<bool>();
+      else
+        hold.phase = message.number(mode.c_str(), 0, 1, 0);
+    }
+    if (!message.is_good()) is_good_ = false;
+    return holds;
+  }
+
+  std::optional<PhaseGate> gate(const nlohmann::json& value) {
+    if (value.is_null()) return std::nullopt;
+    HandMessage gate(value);
+    const auto mode = gate.find("mode");
+    if (!gate.is_good() || mode == value.end() || !mode->is_string()) {
+      is_good_ = false;
+      return std::nullopt;
+    }
+    const PhaseGate found{mode->get<std::string>(), gate.number("phase", 0, 1, 0)};
+    if (!gate.is_good()) is_good_ = false;
+    return found;
+  }
+
   nlohmann::json::const_iterator find(const char* name) const {
     return json_.is_object() ? json_.find(name) : json_.end();
   }
@@ -70,6 +116,7 @@ bool BrowserHand::receive(std::string_view text, Clock::time_point now) {
   said.next_hubs = message.flag("next_hub") ? 1 : 0;
   said.valve_toggles = message.flag("valve") ? 1 : 0;
   said.c_arm = message.c_arm("c_arm", mid_height_mm_);
+  said.body = message.body("body");
   if (!message.is_good()) return false;
 
   constexpr int kMost = 100;  // that are kept while nobody asks
@@ -78,7 +125,10 @@ bool BrowserHand::receive(std::string_view text, Clock::time_point now) {
   said.next_hubs = std::min(kMost, said.next_hubs + commands_.next_hubs);
   said.valve_toggles = std::min(kMost, said.valve_toggles + commands_.valve_toggles);
   if (!said.c_arm) said.c_arm = commands_.c_arm;
-  commands_ = said;
+  BodyChanges body = std::move(commands_.body);
+  body.add(said.body);
+  said.body = std::move(body);
+  commands_ = std::move(said);
   return true;
 }
 
@@ -96,6 +146,7 @@ LiveCommands BrowserHand::commands(Clock::time_point now) {
   }
   commands_.next_hubs = commands_.valve_toggles = 0;
   commands_.c_arm.reset();
+  commands_.body = {};
   return commands;
 }
 

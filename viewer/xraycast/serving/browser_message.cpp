@@ -8,8 +8,9 @@
 namespace xraycast {
 namespace {
 
-constexpr unsigned kFormat = 1;
+constexpr unsigned kFormat = 2;
 constexpr unsigned kExposes = 1, kInjects = 2, kIsLocked = 4, kHasOutlet = 8;
+constexpr unsigned kIsHeld = 1, kIsGate = 2;  // of a mode
 
 /// Numbers as they lie in memory, one behind the other.
 class Numbers {
@@ -41,15 +42,45 @@ void add_instrument(const BrowserMessage::Instrument& instrument, Numbers& numbe
   }
 }
 
-void add_drums(const std::vector<float>& drums_mg_ml, Numbers& numbers) {
+/// Those with iodine.
+std::vector<std::size_t> filled_drums(const std::vector<float>& drums_mg_ml) {
   std::vector<std::size_t> filled;
   for (std::size_t drum = 0; drum < drums_mg_ml.size(); ++drum)
     if (drums_mg_ml[drum] > ContrastSurface::kNothing_mg_ml) filled.push_back(drum);
+  return filled;
+}
+
+void add_drums(const std::vector<float>& drums_mg_ml, Numbers& numbers) {
+  const std::vector<std::size_t> filled = filled_drums(drums_mg_ml);
   numbers.whole(filled.size());
   for (const std::size_t drum : filled) {
     numbers.whole(drum);
     numbers.real(drums_mg_ml[drum]);
   }
+}
+
+void add_moved_drums(const BrowserMessage& message, Numbers& numbers) {
+  for (const std::size_t drum : filled_drums(message.drums_mg_ml)) {
+    const bool is_known = drum < message.drums_moved_mm.size();
+    for (int axis = 0; axis < 3; ++axis) numbers.real(is_known ? message.drums_moved_mm[drum][axis] : 0);
+  }
+}
+
+void add_modes(const BrowserMessage& message, Numbers& numbers) {
+  numbers.whole(message.modes.size());
+  if (message.modes.empty()) return;
+  numbers.real(message.body_time_s);
+  numbers.real(message.body_speed);
+  for (const BrowserMessage::Mode& mode : message.modes) {
+    numbers.whole((mode.is_held ? kIsHeld : 0u) | (mode.is_gate ? kIsGate : 0u));
+    numbers.real(mode.phase);
+    numbers.real(mode.gate);
+    numbers.whole(mode.trace.size());
+    for (const float value : mode.trace) numbers.real(value);
+  }
+  numbers.whole(message.exposures_s.size());
+  for (const double time_s : message.exposures_s) numbers.real(time_s);
+  add_moved_drums(message, numbers);
 }
 
 }  // namespace
@@ -68,6 +99,7 @@ std::string packed(const BrowserMessage& message) {
   for (const BrowserMessage::Instrument& instrument : message.instruments)
     add_instrument(instrument, numbers);
   add_drums(message.drums_mg_ml, numbers);
+  add_modes(message, numbers);
   return std::move(numbers).bytes();
 }
 

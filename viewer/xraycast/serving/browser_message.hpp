@@ -27,10 +27,22 @@ struct BrowserMessage {
   std::uint32_t exposures = 0;            ///< so far; the picture changes with it
   std::vector<Instrument> instruments{};  ///< from the outermost on
   std::vector<float> drums_mg_ml{};       ///< at the last exposure: iodine in the drums of a ContrastSurface
+
+  /// A mode of a body in motion.
+  struct Mode {
+    bool is_held = false, is_gate = false;  ///< exposures wait for its phase `gate`
+    double phase = 0;                       ///< at the last exposure
+    double gate = 0;
+    std::vector<float> trace{};  ///< since the last message, 5 ms apart up to `body_time_s`, 0 to 1
+  };
+  double body_time_s = 0, body_speed = 1;
+  std::vector<Mode> modes{};                ///< none where the body is still
+  std::vector<glm::vec3> drums_moved_mm{};  ///< at the last exposure: how far the body has moved each drum
+  std::vector<double> exposures_s{};        ///< since the last message, by the body's clock
 };
 
 /// Its bytes: little-endian, all numbers of four bytes but the first four, of one (docs/web.md). Drums
-/// without iodine are left out.
+/// without iodine are left out, as all of the body is where it has no modes.
 std::string packed(const BrowserMessage& message);
 
 }  // namespace xraycast

@@ -3,6 +3,8 @@
 #include "xraycast/export/recorded_run.hpp"
 #include "xraycast/network/igtlink_messages.hpp"
 
+#include <algorithm>
+
 namespace xraycast {
 namespace {
 
@@ -46,6 +48,9 @@ std::unique_ptr<HapticDevice> hubs_of(std::shared_ptr<IgtlinkDevice> server) {
 LiveCommands IgtlinkOutlet::commands() {
   const IgtlinkCommands& now = server_->commands();
   LiveCommands commands{.pedal = now.pedal, .injection_ml_s = now.injection_ml_s};
+  const auto fresh = std::min<std::uint64_t>(now.body_texts - body_texts_, now.body.size());
+  commands.body_texts.assign(now.body.end() - static_cast<std::ptrdiff_t>(fresh), now.body.end());
+  body_texts_ = now.body_texts;
   if (now.c_arm_moves == c_arm_moves_) return commands;
   c_arm_moves_ = now.c_arm_moves;
   commands.c_arm = CArmRequest{.lao_rad = now.c_arm.lao_rad, .cranial_rad = now.c_arm.cranial_rad};

@@ -23,7 +23,7 @@ class IgtlinkOutlet final : public LiveOutlet {
   void publish_or_withdraw(IgtlinkStream stream, const Pack& pack);
 
   std::shared_ptr<IgtlinkDevice> server_;
-  std::uint64_t c_arm_moves_ = 0;
+  std::uint64_t c_arm_moves_ = 0, body_texts_ = 0;
 };
 
 /// The hubs of a server that outlives a run.

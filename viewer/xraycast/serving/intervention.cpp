@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stderr_log.hpp"
+#include "xraycast/geometry/moved_vessels.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/script_device.hpp"
 
@@ -9,6 +10,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -29,6 +31,11 @@ std::vector<InstrumentModel> choices_of(const std::vector<InstrumentModel>& used
       *same = model;
   }
   return choices;
+}
+
+/// The vessels in the body at some phases.
+VesselTree tree_at(const RunRequest& run, const std::vector<double>& phases) {
+  return phases.empty() ? *run.tree : moved(*run.tree, run.body.motion->held_at(phases)).vessels;
 }
 
 std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) {
@@ -52,7 +59,8 @@ std::vector<std::string> Intervention::haptic_names() {
 
 Intervention::Intervention(const Options& options)
     : options_(checked(options)),
-      road_map_(*options.run.tree),
+      moving_(SimulatedRun::Moving::of(options.run)),
+      road_map_(tree_at(options.run, phases_at(options.run.body, 0))),
       choices_(choices_of(options.run.instruments)) {
   start(options.run.script, options.run.instruments);
 }
@@ -63,7 +71,7 @@ void Intervention::start(const std::optional<Script>& script,
   request.instruments = instruments;
   const auto hand_over = [&](std::unique_ptr<HapticDevice> to) {
     manual_ = dynamic_cast<ManualDevice*>(to.get());
-    run_ = std::make_unique<SimulatedRun>(request, std::move(to));
+    run_ = std::make_unique<SimulatedRun>(request, std::move(to), moving_);
   };
   const bool was_recording = run_ && run_->is_recording();
   run_.reset();  // a port is free again
@@ -108,25 +116,38 @@ void Intervention::toggle_valve() {
 }
 
 void Intervention::update(const CArmPose& pose, double passed_s) {
+  constexpr double kPatience_s = 0.04;  // above the time between frames: no gate opens between two of them
+  const bool is_open = !body() || body()->exposure_s(pedal_ ? kPatience_s : 0);
   run_->update();
   if (refused_ && exchange_obstacle(*refused_).empty()) refused_.reset();
   if (pedal_) fluoroscopy_s_ += passed_s;
   // The first exposure needs no pedal, so that there is a picture to hold.
-  if (!pedal_ && has_picture_) return;
+  has_exposed_ = !has_picture_ || (pedal_ && is_open);
+  if (!has_exposed_) return;
   pose_ = pose;
   nodes_mm_.clear();
   for (std::size_t d = 0; d < run_->now().count(); ++d)
     nodes_mm_.push_back(run_->now().instrument(d).nodes_mm);
   exposed_ = run_->now().instruments;
-  surfaces_ = run_->instruments();
-  surfaces_.push_back(run_->contrast());
+  surfaces_ = surfaces_at(0);
+  if (blur_.is_on())
+    surfaces_ = seen_by_pulse(surfaces_at(-blur_.from_middle_s()), std::move(surfaces_),
+                              surfaces_at(blur_.from_middle_s()), blur_.pixel_mm);
   drums_mg_ml_ = run_->drums_mg_ml();
+  drums_moved_mm_ = run_->drums_moved_mm();
+  phases_ = run_->now().phases;
   ++exposures_;
   has_picture_ = true;
 }
 
+std::vector<Surface> Intervention::surfaces_at(double later_s) const {
+  std::vector<Surface> surfaces = run_->instruments(later_s);
+  surfaces.push_back(run_->contrast(later_s));
+  return surfaces;
+}
+
 SteeredInstruments Intervention::steered() const {
-  SteeredInstruments steered{.instruments = {}, .has_road_map = has_road_map};
+  SteeredInstruments steered{.instruments = {}, .has_road_map = has_road_map_};
   for (std::size_t d = 0; d < nodes_mm_.size(); ++d) {
     const InstrumentModel& model = (*exposed_)[d];
     steered.instruments.push_back({nodes_mm_[d], model.radius_mm(), model.inner_radius_mm() > 0});
@@ -140,8 +161,13 @@ std::string Intervention::caption(const CArmPose& now) const {
   return fmt::format("held: {}; C-arm: {}", status_of(pose_), status_of(now));
 }
 
+void Intervention::show_road_map(bool shows) {
+  if (shows && !has_road_map_ && !phases_.empty()) road_map_ = RoadMap(tree_at(options_.run, phases_));
+  has_road_map_ = shows;
+}
+
 std::span<const glm::ivec2> Intervention::road_map(const View& view) {
-  if (!has_road_map) return {};
+  if (!has_road_map_) return {};
   return road_map_.outline(view);
 }
 

@@ -2,6 +2,7 @@
 
 #include "xraycast/haptics/manual_device.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
+#include "xraycast/scene/pulse_blur.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/session_file.hpp"
 #include "xraycast/serving/simulated_run.hpp"
@@ -78,14 +79,32 @@ class Intervention {
   /// The instruments and the road map in that picture.
   SteeredInstruments steered() const;
 
+  /// Null where the body is still. Restarts leave it as it is.
+  LiveBody* body() { return moving_.body.get(); }
+  const LiveBody* body() const { return moving_.body.get(); }
+
+  /// The phases of the body in that picture; none where it is still.
+  const std::vector<double>& phases() const { return phases_; }
+
+  /// update() has made an exposure, which with a gate it does when that opens.
+  bool has_exposed() const { return has_exposed_; }
+
+  /// How the next exposures see what moves; at first, as if they took no time.
+  void blur(const PulseBlur& blur) { blur_ = blur; }
+
   /// The attenuating surfaces of that picture. They change with `exposures`.
   std::span<const Surface> surfaces() const { return surfaces_; }
   long exposures() const { return exposures_; }
 
   /// Iodine in that picture, in the drums of the tree's ContrastSurface.
   const std::vector<float>& drums_mg_ml() const { return drums_mg_ml_; }
+  /// How far the body has moved them, mm; none where it is still.
+  const std::vector<glm::vec3>& drums_moved_mm() const { return drums_moved_mm_; }
 
-  bool has_road_map = true;
+  /// A road map is of the vessels as they are in the picture at which it is shown first, and stays there
+  /// however the body moves; the first one is of the body as it begins.
+  void show_road_map(bool shows);
+  bool has_road_map() const { return has_road_map_; }
   /// The vessels' outline in a view, in its pixels.
   std::span<const glm::ivec2> road_map(const View& view);
 
@@ -103,19 +122,25 @@ class Intervention {
 
  private:
   void start(const std::optional<Script>& script, const std::vector<InstrumentModel>& instruments);
+  std::vector<Surface> surfaces_at(double later_s) const;
   std::string exchange_obstacle(std::size_t instrument) const;
 
   Options options_;
+  SimulatedRun::Moving moving_;
   ManualDevice* manual_ = nullptr;
   std::unique_ptr<SimulatedRun> run_;
-  bool pedal_ = false, has_picture_ = false;
+  bool pedal_ = false, has_picture_ = false, has_exposed_ = false;
   double fluoroscopy_s_ = 0;
   CArmPose pose_;
   std::vector<std::vector<glm::dvec3>> nodes_mm_;  ///< of each instrument
   std::shared_ptr<const std::vector<InstrumentModel>> exposed_;
   std::vector<Surface> surfaces_;
   std::vector<float> drums_mg_ml_;
+  std::vector<glm::vec3> drums_moved_mm_;
+  std::vector<double> phases_;
+  PulseBlur blur_;
   long exposures_ = 0;
+  bool has_road_map_ = true;
   RoadMap road_map_;
   std::vector<InstrumentModel> choices_;
   std::optional<std::size_t> refused_;  ///< the instrument that could not be exchanged as it is

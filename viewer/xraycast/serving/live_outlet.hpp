@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -27,6 +28,8 @@ struct LiveCommands {
   // Since the last call:
   std::optional<CArmRequest> c_arm{};
   int next_hubs = 0, valve_toggles = 0;  ///< how often each was asked for
+  BodyChanges body{};
+  std::vector<std::string> body_texts{};  ///< the same in words, in their order; see parse_body_changes
 };
 
 /// What is drawn for those who watch: one of the two holds width x height pixels, row 0 on top.
@@ -43,6 +46,7 @@ struct LiveFrame {
   const LivePicture* picture = nullptr;  ///< null where this frame drew none
   /// The last picture is older than the last exposure, or pulse: nobody waited for pictures then.
   bool is_outdated = false;
+  LiveBody* body = nullptr;  ///< that moves; null: it is still
 };
 
 /// Whatever publishes a session to its clients and takes their commands. All calls on the session's thread;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -47,13 +48,22 @@ View LiveScreen::view_from(const CArmPose& pose) const {
   return view;
 }
 
-bool LiveScreen::is_due(bool is_live, double passed_s) {
-  return console_ ? console_->is_due(is_live, passed_s) : is_live;
+bool LiveScreen::is_due(bool is_live, bool is_gate_open, double passed_s) {
+  return console_ ? console_->is_due(is_live, passed_s, is_gate_open) : is_live && is_gate_open;
+}
+
+PulseBlur LiveScreen::blur(const CArmPose& pose) const {
+  if (!console_) return {};
+  return {.pulse_s = 1e-3 * console_->options().c_arm.tube.pulse_ms,
+          .pixel_mm = pixel_at_axis_mm(view_from(pose))};
 }
 
 const LivePicture& LiveScreen::draw(const Intervention& intervention) {
+  if (std::exchange(surfaces_, intervention.surfaces().size()) != intervention.surfaces().size())
+    renderer_.set_surfaces(intervention.surfaces());
   for (std::size_t i = 0; i < intervention.surfaces().size(); ++i)
     renderer_.replace_surface(i, intervention.surfaces()[i]);
+  if (map_->keys && !intervention.phases().empty()) renderer_.set_phases(intervention.phases());
   picture_.view = view_from(intervention.pose());
   console_ ? draw_pulse() : draw_greys();
   return picture_;
@@ -72,7 +82,7 @@ void LiveScreen::draw_greys() {
   if (!options_.has_window && adapted_to_ != view)
     options_.style.window = automatic_window(renderer_, view, options_.style);
   if (options_.is_fine) {
-    if (adapted_to_ != view) body_tau_ = renderer_.body_tau(view, options_.style);
+    if (adapted_to_ != view || map_->keys) body_tau_ = renderer_.body_tau(view, options_.style);
     picture_.codes = fine_greys(renderer_.tau(view, options_.style), body_tau_, options_.style);
   } else {
     const std::vector<std::uint8_t> rgb = renderer_.picture(view, options_.style);

@@ -29,7 +29,8 @@ class LiveScreen final : public LivePainter {
   /// Throws as HeadlessContext, and as FluoroscopyConsole does for its options.
   LiveScreen(std::shared_ptr<const BodyMap> map, const Options& options);
 
-  bool is_due(bool is_live, double passed_s) override;
+  bool is_due(bool is_live, bool is_gate_open, double passed_s) override;
+  PulseBlur blur(const CArmPose& pose) const override;
   const LivePicture& draw(const Intervention& intervention) override;
 
   /// Null without a fluoroscope.
@@ -48,6 +49,7 @@ class LiveScreen final : public LivePainter {
   std::optional<WaterPath> water_path_;
   std::optional<View> adapted_to_;  ///< the view that grey window and body's depths are of
   std::vector<float> body_tau_;
+  std::size_t surfaces_ = 0;  ///< of the last picture
   LivePicture picture_;
 };
 

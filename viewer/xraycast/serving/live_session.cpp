@@ -2,6 +2,8 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <thread>
@@ -14,17 +16,20 @@ void LiveSession::step(double passed_s) {
   expose(passed_s);
   ++counts_.frames;
   const LivePicture* picture = is_outdated_ && (!drawn_from_ || is_watched()) ? draw() : nullptr;
-  const LiveFrame frame{intervention_, pose_, picture, is_outdated_};
+  const LiveFrame frame{intervention_, pose_, picture, is_outdated_, intervention_.body()};
   for (LiveOutlet* outlet : outlets_) outlet->publish(frame);
 }
 
 /// The fluoroscope learns of pedal and time in every frame; a live frame between its pulses is none that is
 /// drawn.
 void LiveSession::expose(double passed_s) {
+  intervention_.blur(painter_.blur(pose_));
   intervention_.update(pose_, passed_s);
-  const bool is_due = painter_.is_due(intervention_.is_live(), passed_s);
+  const bool is_live = intervention_.is_live();
   const bool is_new = std::exchange(exposures_, intervention_.exposures()) != intervention_.exposures();
-  if (is_new && (is_due || !intervention_.is_live())) is_outdated_ = true;
+  const bool is_due = painter_.is_due(is_live, intervention_.has_exposed(), passed_s);
+  if (LiveBody* body = intervention_.body(); body && is_live && is_due) body->mark_exposure(body->time_s());
+  if (is_new && (is_due || !is_live)) is_outdated_ = true;
 }
 
 const LivePicture* LiveSession::draw() {
@@ -77,12 +82,30 @@ void LiveSession::obey() {
     all.insertion_mm_s += one.insertion_mm_s;
     all.rotation_rad_s += one.rotation_rad_s;
     if (one.c_arm) move_c_arm(*one.c_arm);
+    change_body(one);
     for (int i = 0; i < one.next_hubs; ++i) intervention_.hold_next_hub();
     for (int i = 0; i < one.valve_toggles; ++i) intervention_.toggle_valve();
   }
   intervention_.press_pedal(all.pedal);
   intervention_.run().inject(all.injection_ml_s);
   if (ManualDevice* hand = intervention_.manual()) hand->set_rates(all.insertion_mm_s, all.rotation_rad_s);
+}
+
+/// What cannot be is told once, and nothing else: a client may ask for anything.
+void LiveSession::change_body(const LiveCommands& commands) {
+  const auto attempt = [&](const auto& action) {
+    try {
+      LiveBody* const body = intervention_.body();
+      if (!body) throw InputError("the body is still, or its motion is not known");
+      action(*body);
+    } catch (const InputError& error) {
+      if (refused_ != error.what()) log_(fmt::format("the body goes on as it did: {}", error.what()));
+      refused_ = error.what();
+    }
+  };
+  if (!commands.body.is_empty()) attempt([&](LiveBody& body) { body.change(commands.body); });
+  for (const std::string& text : commands.body_texts)
+    attempt([&](LiveBody& body) { body.change(parse_body_changes(text)); });
 }
 
 void LiveSession::move_c_arm(const CArmRequest& request) {

@@ -18,9 +18,15 @@ class LivePainter {
  public:
   virtual ~LivePainter() = default;
 
-  /// Whether a live frame is a pulse of X-rays. Called once a frame, whoever watches, with the time since the
-  /// last call.
-  virtual bool is_due(bool is_live, double passed_s) = 0;
+  /// Whether a live frame is a pulse of X-rays, which a closed gate puts off. Called once a frame, whoever
+  /// watches, with the time since the last call.
+  virtual bool is_due(bool is_live, bool is_gate_open, double passed_s) = 0;
+
+  /// How its pulses see what moves.
+  virtual PulseBlur blur(const CArmPose& pose) const {
+    static_cast<void>(pose);
+    return {};
+  }
 
   /// The last exposure, valid until the next call. Throws InputError where it cannot be drawn.
   virtual const LivePicture& draw(const Intervention& intervention) = 0;
@@ -58,6 +64,7 @@ class LiveSession {
 
  private:
   void obey();
+  void change_body(const LiveCommands& commands);
   void move_c_arm(const CArmRequest& request);
   bool is_watched() const;
   void expose(double passed_s);
@@ -74,6 +81,7 @@ class LiveSession {
   bool is_outdated_ = false;            ///< a pulse was not drawn
   std::optional<CArmPose> drawn_from_;  ///< the pose of the last picture
   bool is_refusal_told_ = false;
+  std::string refused_;  ///< the last change of the body that could not be
   Counts counts_;
 };
 

@@ -1,6 +1,7 @@
 #include "xraycast/serving/simulated_run.hpp"
 
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/pulse_blur.hpp"
 
 #include <fmt/format.h>
 
@@ -16,27 +17,53 @@ std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models
   return insertions_mm;
 }
 
+/// The introducer is where the entry is in the body now.
+Instruments::Options options_in(const RunRequest& request, const SimulatedRun::Moving& moving) {
+  Instruments::Options options = instrument_options(request);
+  if (moving.body) options.phases = moving.body->phases();
+  return options;
+}
+
+SimulationLoop::Body clock_of_body(const SimulatedRun::Moving& moving) {
+  if (!moving.body) return {};
+  return [body = moving.body](double step_s) { return body->advance(step_s); };
+}
+
 }  // namespace
 
-SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device)
+SimulatedRun::Moving SimulatedRun::Moving::of(const RunRequest& request) {
+  if (!request.body.motion) return {};
+  Progress progress;
+  return {std::make_shared<LiveBody>(request.body),
+          std::make_shared<const MovingPoints>(ContrastSurface(*request.tree).whole().mesh.points_mm,
+                                               *request.body.motion, progress)};
+}
+
+SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device, Moving moving)
     : tree_(request.tree),
       device_(std::move(device)),
       couplings_(*device_, max_insertions_mm(request.instruments)),
       bolus_(*tree_),
       contrast_(*tree_),
+      moving_(std::move(moving)),
       loop_(
-          std::make_unique<Instruments>(*tree_, request.instruments, entry_of(request)),
+          std::make_unique<Instruments>(*tree_, request.instruments, entry_of(request),
+                                        options_in(request, moving_)),
           [this](std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s) {
             return couplings_.step(hubs, loads, step_s);
           },
           [this](std::size_t hub, const InstrumentModel& instrument) {
             couplings_.replace(hub, {}, max_insertion_mm(instrument));
-          }),
+          },
+          clock_of_body(moving_)),
       now_(&loop_.snapshot()) {}
 
 void SimulatedRun::update() {
   const double before_s = now_->time_s;
+  before_mm_.resize(now_->count());
+  for (std::size_t d = 0; d < now_->count(); ++d) before_mm_[d] = now_->instrument(d).nodes_mm;
   now_ = &loop_.snapshot();
+  passed_s_ = now_->time_s - before_s;
   const double passed_s = now_->time_s - before_s;
   if (passed_s <= 0) return;
 
@@ -50,15 +77,33 @@ void SimulatedRun::update() {
   if (is_recording_) record();
 }
 
-std::vector<Surface> SimulatedRun::instruments() const {
+std::vector<Surface> SimulatedRun::instruments(double later_s) const {
   std::vector<Surface> surfaces;
   for (std::size_t d = 0; d < now_->count(); ++d)
-    for (Surface& surface : instrument_surfaces(now_->instrument(d).nodes_mm, models()[d]))
+    for (Surface& surface : instrument_surfaces(nodes_of(d, later_s), models()[d]))
       surfaces.push_back(std::move(surface));
   return surfaces;
 }
 
-Surface SimulatedRun::contrast() const { return contrast_.filled(bolus_.iodine_mg_ml()); }
+std::vector<glm::dvec3> SimulatedRun::nodes_of(std::size_t instrument, double later_s) const {
+  const std::vector<glm::dvec3>& nodes_mm = now_->instrument(instrument).nodes_mm;
+  constexpr double kLongest_s = 0.1;  // after which a way says nothing of the speed
+  const bool is_known = instrument < before_mm_.size() && passed_s_ < kLongest_s;
+  return later_s == 0 || !is_known ? nodes_mm
+                                   : moved_on(nodes_mm, before_mm_[instrument], passed_s_, later_s);
+}
+
+Surface SimulatedRun::contrast(double later_s) const {
+  if (!moving_.contrast) return contrast_.filled(bolus_.iodine_mg_ml());
+  const std::vector<double> phases =
+      later_s == 0 ? now_->phases : moving_.body->phases_at(moving_.body->time_s() + later_s);
+  return contrast_.filled(bolus_.iodine_mg_ml(), moving_.contrast->at(phases));
+}
+
+std::vector<glm::vec3> SimulatedRun::drums_moved_mm() const {
+  if (!moving_.contrast) return {};
+  return contrast_.drums_moved_mm(moving_.contrast->at(now_->phases));
+}
 
 void SimulatedRun::record() {
   // An exchange that was asked for before: the recording begins with the new instrument.

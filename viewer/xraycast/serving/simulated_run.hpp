@@ -4,8 +4,10 @@
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/haptics/haptic_device.hpp"
 #include "xraycast/haptics/hub_couplings.hpp"
+#include "xraycast/motion/moving_points.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/scene.hpp"
+#include "xraycast/serving/live_body.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/run.hpp"
 #include "xraycast/simulation/simulation_loop.hpp"
@@ -14,6 +16,7 @@
 #include <deque>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace xraycast {
@@ -23,9 +26,23 @@ namespace xraycast {
 /// simulation has its own, which never waits for it.
 class SimulatedRun {
  public:
+  /// What moves about the instruments: the body, whose clock the run advances, and the points of the tree's
+  /// ContrastSurface in it.
+  struct Moving {
+    std::shared_ptr<LiveBody> body;
+    std::shared_ptr<const MovingPoints> contrast;
+
+    /// Of a request; nothing where it has no motion.
+    static Moving of(const RunRequest& request);
+  };
+
   /// The device moves the hubs, whatever the request's script. Throws InputError where the instruments do not
   /// fit into the vessel at the entry or into each other.
-  SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device);
+  SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device)
+      : SimulatedRun(request, std::move(device), Moving::of(request)) {}
+
+  /// The same in a body that goes on from where it is.
+  SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device, Moving moving);
 
   /// Takes the newest state of the simulation and advances the contrast agent to its time. Call once per
   /// frame.
@@ -53,9 +70,15 @@ class SimulatedRun {
   double injection_ml_s() const { return injection_ml_s_; }
   double injected_ml() const { return injected_ml_; }
 
-  std::vector<Surface> instruments() const;
-  Surface contrast() const;
+  /// Now, or so much later as they go on.
+  std::vector<Surface> instruments(double later_s = 0) const;
+  Surface contrast(double later_s = 0) const;
+
+  /// Null where the body is still.
+  const std::shared_ptr<LiveBody>& body() const { return moving_.body; }
   std::vector<float> drums_mg_ml() const { return contrast_.drums_mg_ml(bolus_.iodine_mg_ml()); }
+  /// None where the body is still.
+  std::vector<glm::vec3> drums_moved_mm() const;
 
   /// The hubs' loads of the last seconds, oldest first.
   struct Load {
@@ -78,12 +101,14 @@ class SimulatedRun {
     std::array<HubPose, kMaxHubs> hubs;
   };
   void record();
+  std::vector<glm::dvec3> nodes_of(std::size_t instrument, double later_s) const;
 
   std::shared_ptr<const VesselTree> tree_;
   std::unique_ptr<HapticDevice> device_;
   HubCouplings couplings_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
+  Moving moving_;
   double injection_ml_s_ = 0, injected_ml_ = 0;
   std::deque<Load> loads_;
   bool is_recording_ = false;
@@ -91,6 +116,8 @@ class SimulatedRun {
   std::shared_ptr<const std::vector<InstrumentModel>> recorded_of_;
   SimulationLoop loop_;  ///< last: its thread uses what is above
   const CatheterSnapshot* now_;
+  std::vector<std::vector<glm::dvec3>> before_mm_;  ///< the instruments' nodes at the update before
+  double passed_s_ = 0;                             ///< since then
 };
 
 }  // namespace xraycast

@@ -3,6 +3,7 @@
 #include "xraycast/export/recorded_run.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace xraycast {
@@ -45,7 +46,30 @@ void WebOutlet::publish(const LiveFrame& frame) {
     message_.instruments[d].load = now.instrument(d).load;
   }
   if (message_.exposures != static_cast<std::uint32_t>(intervention.exposures())) take_exposure(intervention);
+  if (LiveBody* body = frame.body) take_body(*body);
   server_.publish(packed(message_));
+}
+
+/// What is new of the traces, and how the operator has the body.
+void WebOutlet::take_body(LiveBody& body) {
+  const BodyTraces& traces = body.traces();
+  const std::vector<BodyModeState> modes = body.modes();
+  message_.body_time_s = traces.end_s;
+  message_.body_speed = body.speed();
+  message_.modes.resize(modes.size());
+  for (std::size_t m = 0; m < modes.size(); ++m) {
+    BrowserMessage::Mode& mode = message_.modes[m];
+    mode.is_held = modes[m].is_held;
+    mode.is_gate = body.gate() && body.gate()->mode == modes[m].name;
+    mode.gate = mode.is_gate ? body.gate()->phase : 0;
+    const auto fresh = std::min<std::int64_t>(traces.count - traced_, std::ssize(traces.samples[m]));
+    mode.trace.assign(traces.samples[m].end() - fresh, traces.samples[m].end());
+  }
+  traced_ = traces.count;
+  message_.exposures_s.clear();
+  for (const double time_s : traces.exposures_s)
+    if (time_s > marked_s_) message_.exposures_s.push_back(time_s);
+  if (!message_.exposures_s.empty()) marked_s_ = message_.exposures_s.back();
 }
 
 /// The picture is held until the next exposure, so that shapes are packed for each exposure alone.
@@ -60,6 +84,9 @@ void WebOutlet::take_exposure(const Intervention& intervention) {
       parts_mm.push_back(controls_of(part.nodes_mm));
   }
   message_.drums_mg_ml = intervention.drums_mg_ml();
+  message_.drums_moved_mm = intervention.drums_moved_mm();
+  message_.modes.resize(intervention.phases().size());
+  for (std::size_t m = 0; m < message_.modes.size(); ++m) message_.modes[m].phase = intervention.phases()[m];
 }
 
 }  // namespace xraycast

@@ -5,6 +5,7 @@
 #include "xraycast/serving/browser_message.hpp"
 #include "xraycast/serving/live_outlet.hpp"
 
+#include <cstdint>
 #include <functional>
 #include <string>
 
@@ -27,11 +28,14 @@ class WebOutlet final : public LiveOutlet {
 
  private:
   void take_exposure(const Intervention& intervention);
+  void take_body(LiveBody& body);
 
   bool moves_hub_;
   BrowserHand hand_;
   BrowserMessage message_;
-  WebServer server_;  ///< last: its thread uses what is above
+  std::int64_t traced_ = 0;  ///< samples of the traces that were told
+  double marked_s_ = 0;      ///< the last exposure that was told
+  WebServer server_;         ///< last: its thread uses what is above
 };
 
 }  // namespace xraycast

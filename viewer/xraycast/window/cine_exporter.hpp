@@ -27,6 +27,7 @@ class CineExporter {
   void export_frame(const Draw& draw);
 
   bool is_complete() const { return frame_ == kFrames; }
+  int frame() const { return frame_; }  ///< the next one
   double fraction() const { return static_cast<double>(frame_) / kFrames; }
   const std::filesystem::path& folder() const { return folder_; }
 

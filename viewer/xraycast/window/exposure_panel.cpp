@@ -70,6 +70,11 @@ void subtraction(Viewer& viewer, FluoroscopyConsole& console) {
   ImGui::SameLine();
   bool shows = console.shows_road_map();
   if (ImGui::Checkbox("road map", &shows)) viewer.toggle_console_road_map();
+  if (viewer.can_match_masks()) {
+    bool matches = console.mask_matching().has_value();
+    if (ImGui::Checkbox("masks of the heart's phases", &matches))
+      viewer.match_masks(matches ? std::optional(MaskPhase{}) : std::nullopt);
+  }
   if (subtracts) {
     PixelShift shift = console.mask_shift();
     constexpr float kMost_px = 5;

@@ -113,14 +113,15 @@ void show_usage(const Viewer& viewer, Intervention& intervention) {
     write_wrapped(fmt::format("no contrast agent: {}", reason_for_no_outlet(run.models())));
   if (viewer.console()) return;
   write_wrapped(intervention.is_live() ? "X-rays on" : "last image hold: hold X for fluoroscopy");
-  ImGui::Checkbox("road map", &intervention.has_road_map);
+  bool shows = intervention.has_road_map();
+  if (ImGui::Checkbox("road map", &shows)) intervention.show_road_map(shows);
 }
 
 }  // namespace
 
-/// One above the other, or side by side where there are more instruments.
+/// One above the other, or side by side where there are more instruments or traces of a body.
 void show_loads(const SimulatedRun& run, std::size_t hub) {
-  const bool is_alone = run.now().count() == 1;
+  const bool is_alone = run.now().count() == 1 && !run.body();
   const float row = ImGui::GetContentRegionAvail().x, gap = ImGui::GetStyle().ItemSpacing.x;
   const float width = is_alone ? row : (row - gap) / 2, top = ImGui::GetCursorPosY();
   load_chart("force", run, hub, &HubLoad::force_N, 1, "N", width);

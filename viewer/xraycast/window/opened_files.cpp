@@ -4,6 +4,7 @@
 #include "xraycast/requests/cast_request.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/map_motion.hpp"
 #include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/vessels.hpp"
 
@@ -87,10 +88,36 @@ void open_map_and_basis(OpenedFiles& opened, const OpenedFiles& before, bool is_
                     session.basis.string());
 }
 
+/// Vessels follow the map. Those that are not drawn, because a catheter is steered, need not.
+void open_motion(OpenedFiles& opened, const OpenedFiles& before, const std::shared_ptr<const Motion>& given,
+                 Progress& progress) {
+  if (!opened.map) return;
+  if (!opened.map->keys) {
+    if (given && opened.map != before.map)
+      opened.warnings.emplace_back(
+          "the map stands still; one by `xraycast cast --motion` without --phase and --time moves");
+    return;
+  }
+  if (opened.map == before.map) {
+    opened.motion = before.motion;
+  } else if (given) {
+    check_same_modes(*opened.map, *given);
+    opened.motion = given;
+  } else {
+    opened.motion = motion_of(*opened.map, {}, opened.warnings);
+  }
+  if (!opened.motion || !opened.vessels) return;
+  const bool is_same = opened.vessels == before.vessels && opened.motion == before.motion;
+  opened.moving_vessels =
+      is_same && before.moving_vessels
+          ? before.moving_vessels
+          : std::make_shared<const MovingPoints>(opened.vessels->mesh.points_mm, *opened.motion, progress);
+}
+
 }  // namespace
 
 OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
-                       Progress& progress) {
+                       Progress& progress, const std::shared_ptr<const Motion>& motion) {
   OpenedFiles opened;
   opened.session = session;
   const bool is_same_scan = session.scan == before.session.scan && before.scan;
@@ -104,6 +131,7 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
     const SeenScan seen = load_scan(opened, device, progress);
     if (!opened.map) cast_scan(opened, seen, device, progress);
   }
+  open_motion(opened, before, motion, progress);
   return opened;
 }
 

@@ -36,6 +36,14 @@ void add_run(const OperatorState& state, std::vector<KeyHint>& keys) {
   keys.push_back({"Backspace", "restart"});
 }
 
+void add_body(const OperatorState& state, std::vector<KeyHint>& keys) {
+  if (state.has_breath) keys.push_back({"B", state.holds_breath ? "breathe on" : "hold breath"});
+  if (state.has_heart) keys.push_back({"K", state.holds_heart ? "heart beats on" : "arrest heart"});
+  if (!state.has_breath && !state.has_heart) return;
+  keys.push_back({"W", state.gate.empty() ? "gate" : "gate: on"});
+  keys.push_back({", .", fmt::format("speed: {:g}", state.speed)});
+}
+
 }  // namespace
 
 std::vector<KeyHint> usable_keys(const OperatorState& state) {
@@ -46,6 +54,7 @@ std::vector<KeyHint> usable_keys(const OperatorState& state) {
     add_exposure(state, keys);
   else if (state.steers)
     keys.push_back(road_map_key(state));
+  add_body(state, keys);
   if (state.steers) add_run(state, keys);
   keys.push_back({"P", "save picture"});
   keys.push_back({"E", state.exposes ? "fluoroscope off" : "fluoroscope"});
@@ -56,6 +65,8 @@ std::vector<KeyHint> usable_keys(const OperatorState& state) {
 
 std::vector<std::string> advice_on(const OperatorState& state) {
   std::vector<std::string> advice;
+  if (state.is_live && !state.opens_gate)
+    advice.push_back(fmt::format("The gate never opens ({}): let the body go on, or press W", state.gate));
   if (!state.exposes || !state.subtracts) return advice;
   if (state.is_automatic && state.dose != DoseLevel::cine)
     advice.push_back(fmt::format("Subtraction is noisy at {} dose: press D{} for cine", to_string(state.dose),

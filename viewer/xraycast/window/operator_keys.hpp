@@ -22,6 +22,13 @@ struct OperatorState {
   bool is_automatic = true;
   DoseLevel dose = DoseLevel::normal;
   bool subtracts = false, is_masking = false, has_angiogram = false;
+
+  // A body in motion.
+  bool has_breath = false, holds_breath = false;
+  bool has_heart = false, holds_heart = false;
+  double speed = 1;
+  std::string gate{};  ///< in words, empty without one
+  bool opens_gate = true;
 };
 
 /// A key, or several, and what it does now: `X`, `X-rays (hold)`.

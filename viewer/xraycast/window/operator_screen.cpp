@@ -1,6 +1,7 @@
 #include "xraycast/window/operator_screen.hpp"
 
 #include "xraycast/base/negative_zero.hpp"
+#include "xraycast/window/body_panel.hpp"
 #include "xraycast/window/intervention_panel.hpp"
 
 #include <fmt/format.h>
@@ -19,8 +20,9 @@ constexpr ImU32 kGround = IM_COL32(15, 17, 20, 255), kCap = IM_COL32(46, 52, 60,
 
 float em() { return ImGui::GetFontSize(); }
 
-/// Two rows of keys.
-float keys_height() { return 4.6f * em(); }
+/// Rows of keys: of a body in motion there are more. The height must not change while a picture is
+/// subtracted.
+float keys_height(bool has_body) { return (has_body ? 6.5f : 4.6f) * em(); }
 
 /// A part of the window that is not moved.
 void begin_part(const char* name, const ImVec2& at, const ImVec2& size) {
@@ -124,13 +126,18 @@ void show_messages(Viewer& viewer) {
 
 void draw_monitor(Viewer& viewer) {
   const ImVec2 window = ImGui::GetIO().DisplaySize;
-  begin_part("monitor", {window.x - monitor_width(), 0}, {monitor_width(), window.y - keys_height()});
+  begin_part("monitor", {window.x - monitor_width(), 0},
+             {monitor_width(), window.y - keys_height(viewer.body() != nullptr)});
   show_lamp(viewer.pedal());
   if (const FluoroscopyConsole* console = viewer.console()) {
     show_dose(*console);
   } else {
     heading("Time");
     number("fluoroscopy", minutes(viewer.intervention()->fluoroscopy_s()), "min");
+  }
+  if (LiveBody* body = viewer.body()) {
+    heading("ECG and breath");
+    draw_traces(*body, 2.4f * em());
   }
   show_run(*viewer.intervention());
   show_messages(viewer);
@@ -149,11 +156,11 @@ float draw_cap(const ImVec2& at, const std::string& key) {
   return width;
 }
 
-void draw_keys(const std::vector<KeyHint>& keys) {
+void draw_keys(const std::vector<KeyHint>& keys, float height) {
   const ImVec2 window = ImGui::GetIO().DisplaySize;
-  begin_part("keys", {0, window.y - keys_height()}, {window.x, keys_height()});
+  begin_part("keys", {0, window.y - height}, {window.x, height});
   const float left = em(), row = 1.9f * em();
-  ImVec2 at(left, window.y - keys_height() + 0.5f * em());
+  ImVec2 at(left, window.y - height + 0.5f * em());
   for (const KeyHint& hint : keys) {
     const float width = ImGui::CalcTextSize((hint.keys + hint.does).c_str()).x + 1.5f * em();
     if (at.x + width > window.x - left) at = {left, at.y + row};
@@ -177,11 +184,25 @@ void draw_label(const ImVec2& at, const std::string& words, ImU32 colour, bool i
   draw.AddText({left + pad, at.y + pad / 2}, colour, words.c_str());
 }
 
+/// What is not as in a patient who breathes.
+void draw_body_state(const LiveBody& body, ImVec2 corner) {
+  std::vector<std::string> lines;
+  for (const BodyModeState& mode : body.modes())
+    if (mode.is_held) lines.push_back(words_of_hold(mode.name));
+  if (body.speed() != 1) lines.push_back(fmt::format("Motion {:g} times as fast", body.speed()));
+  if (body.gate()) lines.push_back("Gated: " + words_of(*body.gate()));
+  for (const std::string& line : lines) {
+    draw_label(corner, line, kHeld, true);
+    corner.y += 1.8f * em();
+  }
+}
+
 void draw_picture_state(const Viewer& viewer, const OperatorState& state, const Viewer::Pane& picture) {
   const auto right = static_cast<float>(picture.x + picture.width);
   const ImVec2 corner(right - em(), viewer.is_split ? 2.2f * em() : 0.6f * em());
   if (viewer.is_held()) draw_label(corner, "Last image held: X for live", kHeld, true);
   if (state.is_live) draw_label(corner, "X-rays on", kXrays, true);
+  if (const LiveBody* body = viewer.body()) draw_body_state(*body, {corner.x, corner.y + 1.8f * em()});
   ImVec2 middle(static_cast<float>(picture.x) + 0.5f * static_cast<float>(picture.width), 2.6f * em());
   for (const std::string& line : advice_on(state)) {
     draw_label(middle, line, kXrays);
@@ -204,6 +225,17 @@ void draw_first_steps(const OperatorState& state, const Viewer::Pane& picture) {
   ImGui::End();
 }
 
+void add_body_state(const LiveBody& body, OperatorState& state) {
+  const std::string breath = breath_of(body), heart = heart_of(body);
+  for (const BodyModeState& mode : body.modes()) {
+    if (mode.name == breath) state.has_breath = true, state.holds_breath = mode.is_held;
+    if (mode.name == heart) state.has_heart = true, state.holds_heart = mode.is_held;
+  }
+  state.speed = body.speed();
+  if (body.gate()) state.gate = words_of(*body.gate());
+  state.opens_gate = body.opens_again();
+}
+
 }  // namespace
 
 OperatorState operator_state(const Viewer& viewer) {
@@ -217,7 +249,7 @@ OperatorState operator_state(const Viewer& viewer) {
     state.is_recording = run->run().is_recording();
     state.has_recording = viewer.has_recording();
     state.follows = viewer.follows;
-    state.shows_road_map = run->has_road_map;
+    state.shows_road_map = run->has_road_map();
   }
   if (const FluoroscopyConsole* console = viewer.console()) {
     state.exposes = true;
@@ -228,6 +260,7 @@ OperatorState operator_state(const Viewer& viewer) {
     state.has_angiogram = console->has_angiogram();
     state.shows_road_map = console->shows_road_map();
   }
+  if (const LiveBody* body = viewer.body()) add_body_state(*body, state);
   return state;
 }
 
@@ -252,9 +285,10 @@ void draw_operator_screen(Viewer& viewer) {
   const Viewer::Pane picture = viewer.panes(static_cast<int>(window.x), static_cast<int>(window.y)).front();
   if (viewer.map()) draw_picture_state(viewer, state, picture);
   if (!state.steers) return;
-  viewer.reserve(static_cast<int>(monitor_width()), static_cast<int>(keys_height()));
+  const float keys = keys_height(viewer.body() != nullptr);
+  viewer.reserve(static_cast<int>(monitor_width()), static_cast<int>(keys));
   if (!viewer.shows_panels) draw_monitor(viewer);
-  draw_keys(usable_keys(state));
+  draw_keys(usable_keys(state), keys);
   if (viewer.shows_first_steps && viewer.map()) draw_first_steps(state, picture);
 }
 

@@ -5,8 +5,10 @@
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/fluoroscope/fluoroscope_request.hpp"
+#include "xraycast/geometry/mesh.hpp"
 #include "xraycast/sampling/clip_space.hpp"
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/vessel_pick.hpp"
@@ -36,9 +38,8 @@ fs::path unused(const std::string& stem, const std::string& extension) {
 }
 
 bool is_vessels(const fs::path& path) {
-  const std::string extension = extension_of(path);
-  return extension == ".vtp" || extension == ".stl" || fs::exists(path / "surface.vtp") ||
-         fs::exists(path / "surface.stl") || fs::exists(path / "tree.vtp");
+  return is_surface_file(path) || fs::exists(path / "surface.vtp") || fs::exists(path / "surface.stl") ||
+         fs::exists(path / "tree.vtp");
 }
 
 /// What a file is opened as.
@@ -100,8 +101,9 @@ ViewSession with_files(ViewSession session, std::span<const fs::path> paths) {
 
 }  // namespace
 
-Viewer::Viewer(ViewSession session, std::string device, const std::function<void()>& request_redraw)
-    : device_(std::move(device)), drrs_(request_redraw) {
+Viewer::Viewer(ViewSession session, std::string device, const std::function<void()>& request_redraw,
+               BodyRequest body)
+    : device_(std::move(device)), body_request_(std::move(body)), drrs_(request_redraw) {
   load(std::move(session), true);
 }
 
@@ -124,8 +126,8 @@ void Viewer::load(ViewSession wanted, bool takes_view) {
   opening_.start("Opening",
                  [this, wanted = std::move(wanted), before = opened_,
                   takes_view](Progress& progress) -> Worker::Delivery {
-                   const auto opened =
-                       std::make_shared<OpenedFiles>(open_files(wanted, before, device_, progress));
+                   const auto opened = std::make_shared<OpenedFiles>(
+                       open_files(wanted, before, device_, progress, body_request_.motion));
                    return [this, opened, takes_view] { deliver(std::move(*opened), takes_view); };
                  });
 }
@@ -133,6 +135,7 @@ void Viewer::load(ViewSession wanted, bool takes_view) {
 /// Only what could be opened becomes part of the session.
 void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   is_first_ = false;
+  const std::shared_ptr<const BodyMap> before = opened_.map;
   opened_ = std::move(opened);
   const CArmPose pose = session_.pose;
   const Style style = session_.style;
@@ -159,6 +162,7 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
                       std::back_inserter(notes));
   if (!notes.empty()) message_ = fmt::format("{}", fmt::join(notes, "\n"));
   opacity_.open(opened_.map, opened_.recast);
+  if (opened_.map != before) begin_body();
 }
 
 void Viewer::open(std::span<const fs::path> paths) {
@@ -228,10 +232,12 @@ void Viewer::save_cine() {
   attempt([&] {
     if (!shown_) throw InputError("there is no picture to save yet; open a body map first");
     cine_.emplace(unused("xraycast-cine", ""), session_.pose);
+    cine_begin_s_ = body_ ? body_->time_s() : 0;
   });
 }
 
 void Viewer::export_cine_frame() {
+  if (body_) show_body(body_->phases_at(cine_begin_s_ + cine_->frame() * CineWriter::kUsualFrame_s));
   cine_->export_frame([this](const CArmPose& pose) {
     const View view = view_of(pose, bounds_, CineExporter::kWidth, CineExporter::kHeight);
     std::vector<std::uint8_t> rgb = renderer_.picture(view, session_.style);
@@ -262,6 +268,7 @@ std::optional<Worker::Status> Viewer::status() const {
 
 /// The catheter as in the last exposure.
 void Viewer::show_catheter() {
+  intervention_->blur(blur_of(panes(width_, height_).front()));
   intervention_->update(session_.pose, since_frame_.ms() / 1000);
   if (intervention_->exposures() == shown_exposures_) return;
   shown_exposures_ = intervention_->exposures();
@@ -270,6 +277,13 @@ void Viewer::show_catheter() {
     return renderer_.set_surfaces(intervention_->surfaces());
   for (std::size_t i = 0; i < intervention_->surfaces().size(); ++i)
     renderer_.replace_surface(i, intervention_->surfaces()[i]);
+}
+
+/// Of a fluoroscope's pulses.
+PulseBlur Viewer::blur_of(const Pane& pane) const {
+  if (!is_fluoroscopy(pane)) return {};
+  const View view = view_of(session_.pose, bounds_, std::max(1, pane.width), std::max(1, pane.height));
+  return {.pulse_s = 1e-3 * console()->options().c_arm.tube.pulse_ms, .pixel_mm = pixel_at_axis_mm(view)};
 }
 
 /// Keeps the tip of the instrument in the hand within the middle of live pictures when it or the zoom has
@@ -323,6 +337,59 @@ std::span<const glm::ivec2> Viewer::road_map(const View& view) {
   return road_map_->outline(view);
 }
 
+// ---- the body --------------------------------------------------------------------------------------
+
+/// Of a map that moves, by the motion's rhythm where its fields are not there.
+void Viewer::begin_body() {
+  body_.reset();
+  exposed_phases_.clear();
+  if (intervention_ || !opened_.map) return;
+  if (!opened_.map->keys) {
+    if (!body_request_.motion) check(body_request_);
+    return;
+  }
+  BodyRequest request = body_request_;
+  request.motion =
+      opened_.motion ? opened_.motion : std::make_shared<const Motion>(opened_.map->keys->phases().rhythm());
+  body_ = std::make_unique<LiveBody>(request);
+  match_masks(mask_phase_);
+}
+
+bool Viewer::is_moving() const {
+  const auto goes_on = [](const BodyModeState& mode) { return !mode.is_held; };
+  return body() && std::ranges::any_of(body()->modes(), goes_on);
+}
+
+/// For the body, and for its gate.
+void Viewer::pass_time(double passed_s) {
+  is_gate_open_ = !intervention_ || intervention_->has_exposed();
+  if (!body_) return;
+  body_->advance(passed_s);
+  const std::optional<double> exposure_s = body_->exposure_s(0);
+  is_gate_open_ = exposure_s.has_value();
+  if (exposure_s || exposed_phases_.empty())
+    exposed_phases_ = body_->phases_at(exposure_s.value_or(body_->time_s()));
+}
+
+/// A true projection is of the scan, and so is the map beside it.
+std::vector<double> Viewer::phases_of_picture() const {
+  if (!shown_ || !shown_->keys) return {};
+  const std::size_t modes = shown_->keys->phases().phases().size();
+  const std::vector<double>& exposed = intervention_ ? intervention_->phases() : exposed_phases_;
+  const bool is_of_scan = has_scan() && (is_split || source() == BodySource::drr);
+  return is_of_scan || exposed.size() != modes ? std::vector<double>(modes, 0.0) : exposed;
+}
+
+/// With its vessels.
+void Viewer::show_body(std::span<const double> phases) {
+  if (phases.empty()) return;
+  renderer_.set_phases(phases);
+  if (intervention_ || !opened_.moving_vessels) return;
+  vessel_points_mm_.resize(opened_.moving_vessels->size());
+  opened_.moving_vessels->at(phases, vessel_points_mm_);
+  renderer_.move_surface(0, vessel_points_mm_);
+}
+
 // ---- the fluoroscope -------------------------------------------------------------------------------
 
 void Viewer::toggle_console() {
@@ -338,6 +405,13 @@ void Viewer::use_fluoroscope(const FluoroscopyOptions& options) {
   if (with_field.field_mm == 0) with_field.field_mm = options.c_arm.fields_mm.front();
   console_.emplace(with_field);
   is_console_on_ = fits_field_ = lacks_picture_ = true;
+  match_masks(mask_phase_);
+}
+
+void Viewer::match_masks(const std::optional<MaskPhase>& phase) {
+  mask_phase_ = phase;
+  if (!console_ || !body()) return;
+  console_->match_masks(phase ? std::optional(matching_of(*phase, body()->motion())) : std::nullopt);
 }
 
 /// Magnifies so that the fluoroscope's field fills the picture.
@@ -390,7 +464,8 @@ void Viewer::draw_fluoroscopy(const Pane& pane) {
     exposed_from_ = session_.pose;
     const View view = view_in(pane.width / screen_px, pane.height / screen_px);
     if (!water_path_) water_path_.emplace(shown_->attenuation);
-    console_->expose(renderer_.tau(view, session_.style), view, *water_path_);
+    console_->expose(renderer_.tau(view, session_.style), view, *water_path_, phases_of_picture());
+    if (body() && is_pulse_due_) body()->mark_exposure(body()->time_s());
     held_.set(console_->image(), view.width, view.height);
   }
   if (console_->image().empty()) return;
@@ -551,10 +626,12 @@ void Viewer::draw(int width, int height) {
       follow_tip(panes(width, height).front());
       show_catheter();
     });
-  is_pulse_due_ = console() && console_->is_due(pedal_, since_frame_.ms() / 1000);
+  pass_time(since_frame_.ms() / 1000);
+  is_pulse_due_ = console() && console_->is_due(pedal_, since_frame_.ms() / 1000, is_gate_open_);
   since_frame_ = {};
   if (cine_ && !attempt([&] { export_cine_frame(); })) cine_.reset();
   attempt([&] {
+    if (!console() || lacks_picture_ || is_pulse_due_) show_body(phases_of_picture());
     const std::vector<Pane> all = panes(width, height);
     if (!std::ranges::all_of(all, [&](const Pane& pane) { return is_fluoroscopy(pane); }))
       adapt_brightness(view_in(all.front().width, all.front().height));

@@ -32,8 +32,10 @@ enum class BodySource { path, wall, drr };
 class Viewer {
  public:
   /// `device` as for ComputeDevice; `request_redraw` is called on other threads when there is something new
-  /// to draw.
-  Viewer(ViewSession session, std::string device, const std::function<void()>& request_redraw);
+  /// to draw. A map that moves does so as the body, whose motion is the one that the map names if it has
+  /// none.
+  Viewer(ViewSession session, std::string device, const std::function<void()>& request_redraw,
+         BodyRequest body = {});
 
   // ---- files
   /// Opens files that are shown together, and cancels what is still being opened.
@@ -68,6 +70,11 @@ class Viewer {
   FluoroscopyConsole* console() { return console_ && is_console_on_ ? &*console_ : nullptr; }
   const FluoroscopyConsole* console() const { return console_ && is_console_on_ ? &*console_ : nullptr; }
 
+  /// Masks of the phases of a body in motion; see FluoroscopyConsole::match_masks. Without effect where it is
+  /// still.
+  void match_masks(const std::optional<MaskPhase>& phase);
+  bool can_match_masks() const { return body() != nullptr; }
+
   /// Blends what was opacified into live pictures; the message says where nothing was.
   void toggle_console_road_map();
   void press_pedal(bool is_down);
@@ -75,6 +82,13 @@ class Viewer {
 
   /// The picture is that of the last exposure, and does not change with what happens since.
   bool is_held() const;
+
+  // ---- the body
+  /// Null where it is still.
+  LiveBody* body() { return intervention_ ? intervention_->body() : body_.get(); }
+  const LiveBody* body() const { return intervention_ ? intervention_->body() : body_.get(); }
+  bool is_moving()
+      const;  ///< the picture, or what a monitor shows of the body, differs from the last frame's
 
   // ---- the vessels
   /// The tree of the folder of vessels, or that in which the catheter is steered; none: there is only a
@@ -156,6 +170,11 @@ class Viewer {
   void take_results();
   void export_cine_frame();
   void show_catheter();
+  PulseBlur blur_of(const Pane& pane) const;
+  void begin_body();
+  void pass_time(double passed_s);
+  void show_body(std::span<const double> phases);
+  std::vector<double> phases_of_picture() const;
   void adapt_brightness(const View& view);
   const CArmPose& picture_pose() const;
   bool is_fluoroscopy(const Pane& pane) const { return console() && !pane.is_drr; }
@@ -168,6 +187,13 @@ class Viewer {
   std::shared_ptr<const BodyMap> shown_;  ///< the editor's, as the renderer has it
   std::optional<WaterPath> water_path_;   ///< of the shown map, once it was needed
   BodyBounds bounds_;
+  BodyRequest body_request_;
+  std::optional<MaskPhase> mask_phase_;
+  std::unique_ptr<LiveBody> body_;  ///< of a map that moves where no catheter is steered
+  std::vector<double> exposed_phases_;
+  std::vector<glm::vec3> vessel_points_mm_;
+  bool is_gate_open_ = true;
+  double cine_begin_s_ = 0;
   bool shows_drr_ = false;
   bool is_first_ = true;  ///< no other session than the constructor's was opened yet
 

@@ -1,5 +1,6 @@
 #include "xraycast/window/viewer_input.hpp"
 
+#include "xraycast/window/body_panel.hpp"
 #include "xraycast/window/exposure_panel.hpp"
 #include "xraycast/window/hub_input.hpp"
 
@@ -89,7 +90,7 @@ bool handle_key(Viewer& viewer, int key, int mods) {
   }
   if (key >= GLFW_KEY_1 && key <= GLFW_KEY_9)
     viewer.opacity().toggle_layer(static_cast<std::size_t>(key - GLFW_KEY_1));
-  if (handle_console_key(viewer, key)) return false;
+  if (handle_console_key(viewer, key) || handle_body_key(viewer, key)) return false;
   switch (key) {
     case GLFW_KEY_ESCAPE:
       viewer.cancel();
@@ -113,7 +114,7 @@ bool handle_key(Viewer& viewer, int key, int mods) {
       if (!viewer.intervention()) style.window.inverted = !style.window.inverted;
       break;
     case GLFW_KEY_M:
-      if (Intervention* at_table = viewer.intervention()) at_table->has_road_map = !at_table->has_road_map;
+      if (Intervention* at_table = viewer.intervention()) at_table->show_road_map(!at_table->has_road_map());
       break;
     case GLFW_KEY_ENTER:
     case GLFW_KEY_KP_ENTER:

@@ -1,5 +1,6 @@
 #include "xraycast/window/viewer_window.hpp"
 
+#include "xraycast/window/body_panel.hpp"
 #include "xraycast/window/exposure_panel.hpp"
 #include "xraycast/window/intervention_panel.hpp"
 #include "xraycast/window/operator_screen.hpp"
@@ -43,8 +44,8 @@ void wait_for_events(const Viewer& viewer) {
   constexpr double kProgress_s = 0.05, kIdle_s = 0.25, kFluoroscope_s = 1.0 / 30, kHeld_s = 0.1;
   if (viewer.is_animating())
     glfwPollEvents();
-  else if (viewer.intervention() || viewer.console())
-    glfwWaitEventsTimeout(viewer.pedal() ? kFluoroscope_s : kHeld_s);
+  else if (viewer.intervention() || viewer.console() || viewer.is_moving())
+    glfwWaitEventsTimeout(viewer.pedal() || viewer.is_moving() ? kFluoroscope_s : kHeld_s);
   else
     glfwWaitEventsTimeout(viewer.status() ? kProgress_s : kIdle_s);
 }
@@ -53,13 +54,17 @@ void wait_for_events(const Viewer& viewer) {
 
 void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
                 const std::optional<Intervention::Options>& simulation,
-                const std::optional<FluoroscopyOptions>& fluoroscopy) {
+                const std::optional<FluoroscopyOptions>& fluoroscopy, const BodyRequest& body,
+                const std::optional<MaskPhase>& mask_phase) {
   Window window;
-  Desk desk{Viewer(session, device, [] { glfwPostEmptyEvent(); }), {}};
+  Desk desk{Viewer(
+                session, device, [] { glfwPostEmptyEvent(); }, body),
+            {}};
   if (simulation) desk.viewer.simulate(*simulation);
   desk.viewer.shows_panels = !simulation;
   desk.viewer.shows_first_steps = simulation.has_value();
   if (fluoroscopy) desk.viewer.use_fluoroscope(*fluoroscopy);
+  desk.viewer.match_masks(mask_phase);
   set_callbacks(window.handle(), desk);
   glfwSetInputMode(window.handle(), GLFW_STICKY_KEYS, GLFW_TRUE);  // a tap between two frames counts
   window.attach_gui();
@@ -77,6 +82,7 @@ void run_viewer(const ViewSession& session, const std::string& device, const Pro
     if (desk.viewer.shows_panels) {
       draw_intervention_panel(desk.viewer);
       draw_exposure_panel(desk.viewer);
+      draw_body_panel(desk.viewer);
     }
     draw_operator_screen(desk.viewer);
     window.end_gui();

@@ -14,9 +14,11 @@ namespace xraycast {
 /// device as for ComputeDevice. Files of the session are read once the window is open. Throws Error when
 /// there is no display or no OpenGL 3.3; later errors are messages in the window. With
 /// `simulation` a catheter is steered in it; throws as Intervention does. With `fluoroscopy` it begins with a
-/// fluoroscope's pictures.
+/// fluoroscope's pictures, of which masks are of `mask_phase`. A map that moves does so as `body` says; in a
+/// simulation, as its run does.
 void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
                 const std::optional<Intervention::Options>& simulation = {},
-                const std::optional<FluoroscopyOptions>& fluoroscopy = {});
+                const std::optional<FluoroscopyOptions>& fluoroscopy = {}, const BodyRequest& body = {},
+                const std::optional<MaskPhase>& mask_phase = {});
 
 }  // namespace xraycast

@@ -1,0 +1,110 @@
+#include "xraycast/given_vessels/given_vessels.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/printable.hpp"
+#include "xraycast/given_vessels/labelled_mask.hpp"
+#include "xraycast/given_vessels/place_in_scan.hpp"
+#include "xraycast/given_vessels/vessels_of_lines.hpp"
+#include "xraycast/given_vessels/vessels_of_mask.hpp"
+#include "xraycast/given_vessels/vessels_of_surface.hpp"
+
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+/// A folder that this program made, or one like it.
+bool is_tree_folder(const std::filesystem::path& path) {
+  std::error_code error;
+  return std::filesystem::exists(path / "tree.vtp", error);
+}
+
+/// Masks are known by their content: of any name that is none of a surface or of centrelines.
+bool is_mask(const GivenVesselsRequest& request) {
+  return !request.labels.empty() || (!is_surface_file(request.input) && !is_centreline_file(request.input) &&
+                                     !is_tree_folder(request.input));
+}
+
+Mesh read_surface(const GivenVesselsRequest& request) {
+  Mesh surface = read_mesh(request.input);
+  const double turned = !surface.says_space && request.frame == PatientFrame::ras ? -1 : 1;
+  for (glm::vec3& point : surface.points_mm)
+    point = request.unit_mm * glm::dvec3(turned * point.x, turned * point.y, point.z);
+  return surface;
+}
+
+std::vector<std::string> placed(const std::vector<glm::vec3>& points_mm, const Volume* scan,
+                                const std::string& name) {
+  return scan != nullptr ? check_place(points_mm, *scan, name) : std::vector<std::string>();
+}
+
+Vessels with_notes(std::vector<std::string> notes, Vessels vessels) {
+  vessels.notes.insert(vessels.notes.begin(), notes.begin(), notes.end());
+  return vessels;
+}
+
+Vessels of_lines(const GivenVesselsRequest& request, const GivenVesselsOptions& options, const Volume* scan,
+                 Progress& progress) {
+  const std::string name = request.input.string();
+  const std::vector<CentrelineLine> lines =
+      read_centreline_lines(request.input, {request.frame, request.unit_mm, request.radius_mm});
+  std::vector<glm::vec3> points_mm;
+  for (const CentrelineLine& line : lines)
+    points_mm.insert(points_mm.end(), line.points_mm.begin(), line.points_mm.end());
+  std::vector<std::string> notes = placed(points_mm, scan, name);
+  return with_notes(std::move(notes), vessels_of_lines(lines, options, name, progress));
+}
+
+void reject(bool is_given, const char* field, const std::string& name, const char* what) {
+  if (is_given) throw InputError("{} does not apply to {}, {}; leave it out", field, name, what);
+}
+
+}  // namespace
+
+double unit_mm(const std::string& name) {
+  if (name == "mm") return 1;
+  if (name == "cm") return 10;
+  if (name == "m") return 1000;
+  throw InputError("`unit` {}: must be mm, cm or m", printable(name));
+}
+
+PatientFrame patient_frame(const std::string& name) {
+  if (name == "lps") return PatientFrame::lps;
+  if (name == "ras") return PatientFrame::ras;
+  throw InputError("`frame` {}: must be lps or ras", printable(name));
+}
+
+void check(const GivenVesselsRequest& request) {
+  if (request.options.triangles < 100)
+    throw InputError("`triangles` {}: must be 100 or more", request.options.triangles);
+  if (request.radius_mm && !(*request.radius_mm > 0 && std::isfinite(*request.radius_mm)))
+    throw InputError("`radius_mm` {:g}: must be above zero", *request.radius_mm);
+  if (!is_mask(request)) return;
+  const std::string name = request.input.string();
+  reject(request.unit_mm != 1, "`unit`", name, "a mask, whose header has its spacing");
+  reject(request.frame != PatientFrame::lps, "`frame`", name, "a mask, whose header has its orientation");
+  reject(request.radius_mm.has_value(), "`radius_mm`", name, "a mask");
+}
+
+Vessels given_vessels(const GivenVesselsRequest& request, const Volume* scan, Progress& progress) {
+  check(request);
+  const CancelScope scope(progress);
+  const std::string name = request.input.string();
+  GivenVesselsOptions options = request.options;
+  if (scan != nullptr) options.grid = scan->geometry();
+  if (is_mask(request))
+    return vessels_of_mask(read_labelled_mask(request.input, request.labels, progress), scan, options, name,
+                           progress);
+  progress.begin("reading", 1, "files");
+  Mesh surface;
+  if (is_surface_file(request.input)) surface = read_surface(request);
+  progress.advance();
+  // A file of VTK may hold either.
+  if (surface.triangles.empty() && (is_centreline_file(request.input) || is_tree_folder(request.input)))
+    return of_lines(request, options, scan, progress);
+  if (request.radius_mm) reject(true, "`radius_mm`", name, "a surface");
+  std::vector<std::string> notes = placed(surface.points_mm, scan, name);
+  return with_notes(std::move(notes), vessels_of_surface(surface, options, name, progress));
+}
+
+}  // namespace xraycast

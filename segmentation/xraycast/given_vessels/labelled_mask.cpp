@@ -1,0 +1,119 @@
+#include "xraycast/given_vessels/labelled_mask.hpp"
+
+#include "xraycast/attenuation/materials.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
+#include "xraycast/base/printable.hpp"
+#include "xraycast/given_vessels/structure_labels.hpp"
+#include "xraycast/scan/scan.hpp"
+#include "xraycast/segmentation/threshold.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <optional>
+#include <set>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+Volume read_values(const fs::path& file, Progress& progress) {
+  const Scan scan = open_scan(file, {}, progress);
+  return collect(*scan.source, progress, file.string());
+}
+
+/// The files of a folder whose names, up to the first dot, are the labels', in their order; nothing for a
+/// folder that has none of them.
+std::vector<fs::path> files_of(const fs::path& folder, const std::vector<std::string>& labels) {
+  std::map<std::string, fs::path> file_of;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (entry.is_regular_file(error)) file_of.emplace(name.substr(0, name.find('.')), entry.path());
+  }
+  std::vector<fs::path> files;
+  for (const std::string& label : labels)
+    if (const auto found = file_of.find(label); found != file_of.end()) files.push_back(found->second);
+  if (!files.empty() && files.size() < labels.size())
+    for (const std::string& label : labels)
+      if (!file_of.contains(label))
+        throw InputError("{}: `labels` {}: the folder has no file of that name", folder.string(),
+                         printable(label));
+  return files;
+}
+
+Mask united_files(const std::vector<fs::path>& files, Progress& progress) {
+  std::optional<Mask> all;
+  for (const fs::path& file : files) {
+    Mask mask = between(read_values(file, progress), 1, kMaxHu);
+    if (!all) {
+      all = std::move(mask);
+      continue;
+    }
+    check_mask_grid(mask.geometry, all->geometry, file.string());
+    unite(*all, mask);
+  }
+  return *std::move(all);
+}
+
+/// The number that a label means.
+int number_of(const std::string& label, const fs::path& file) {
+  int number = 0;
+  const auto [end, error] = std::from_chars(label.data(), label.data() + label.size(), number);
+  if (error == std::errc() && end == label.data() + label.size() && number > 0) return number;
+  if (const auto known = vessel_label(label)) return *known;
+  throw InputError("{}: `labels` {}: must be a number above zero, or one of {}", file.string(),
+                   printable(label), vessel_label_names());
+}
+
+/// The labels of a file as "52 (aorta), 63 (...)", at most twenty.
+std::string present(const Volume& values) {
+  std::set<std::int16_t> numbers;
+  for (const std::int16_t value : values.hu())
+    if (value > 0 && (numbers.empty() || *numbers.rbegin() != value)) numbers.insert(value);
+  std::vector<std::string> words;
+  for (const std::int16_t number : numbers) {
+    const std::string_view name = vessel_name(number);
+    words.push_back(name.empty() ? fmt::format("{}", number) : fmt::format("{} ({})", number, name));
+    if (words.size() == 20) break;
+  }
+  return words.empty() ? "none" : fmt::format("{}", fmt::join(words, ", "));
+}
+
+Mask labelled(const fs::path& file, const std::vector<std::string>& labels, Progress& progress) {
+  const Scan scan = open_scan(file, {}, progress);
+  if (std::ranges::any_of(scan.info.notes,
+                          [](const std::string& note) { return note.starts_with("resampled"); }))
+    throw InputError(
+        "{}: `labels`: the file's voxels lie oblique to the patient's axes, so that labels would "
+        "be mixed; give a file of one structure",
+        file.string());
+  const Volume values = collect(*scan.source, progress, file.string());
+  Mask mask(values.geometry());
+  for (const std::string& label : labels) {
+    const int number = number_of(label, file);
+    Mask of_label = between(values, number, number);
+    if (of_label.count() == 0)
+      throw InputError("{}: `labels` {}: no voxel has this label; the file has {}", file.string(),
+                       printable(label), present(values));
+    unite(mask, of_label);
+  }
+  return mask;
+}
+
+}  // namespace
+
+Mask read_labelled_mask(const fs::path& path, const std::vector<std::string>& labels, Progress& progress) {
+  if (labels.empty()) return between(read_values(path, progress), 1, kMaxHu);
+  if (fs::is_directory(path))
+    if (const std::vector<fs::path> files = files_of(path, labels); !files.empty())
+      return united_files(files, progress);
+  return labelled(path, labels, progress);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,32 @@
+#include "xraycast/given_vessels/vessels_of_lines.hpp"
+
+#include "xraycast/centrelines/tree_of_lines.hpp"
+#include "xraycast/given_vessels/surface_distance.hpp"
+#include "xraycast/given_vessels/surface_lumen.hpp"
+#include "xraycast/segmentation/surface.hpp"
+
+namespace xraycast {
+
+Vessels vessels_of_lines(const std::vector<CentrelineLine>& lines, const GivenVesselsOptions& options,
+                         const std::string& name, Progress& progress) {
+  TreeOfLines found = tree_of_lines(lines, name, {options.root_mm, options.component_mm});
+  progress.begin("surface", 1, "surfaces");
+  const Mesh tubes = tube_mesh(found.tree);
+  const auto wall = surface_distance(tubes, spacing_of_distances_mm(tubes));
+  constexpr std::int64_t kPictureVoxels = 20'000'000;
+  LumenFill fill =
+      fill_of(*wall, options.grid ? *options.grid : grid_around(tubes, kPictureVoxels, wall->spacing_mm()));
+  Mask mask = half_full(fill);
+  Mesh surface = with_fewer_triangles(wall->wall(), options.triangles);
+  progress.advance();
+  return {std::move(mask),
+          std::move(fill),
+          {std::move(found.tree), {}, {}, found.components_left_out},
+          std::move(surface),
+          {},
+          0,
+          std::move(found.notes),
+          options.grid.has_value()};
+}
+
+}  // namespace xraycast

@@ -1,0 +1,110 @@
+#include "xraycast/given_vessels/vessels_of_surface.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/given_vessels/junctions.hpp"
+#include "xraycast/given_vessels/one_component.hpp"
+#include "xraycast/given_vessels/surface_distance.hpp"
+#include "xraycast/given_vessels/surface_lumen.hpp"
+#include "xraycast/given_vessels/surface_repair.hpp"
+#include "xraycast/segmentation/surface.hpp"
+
+#include <fmt/format.h>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+/// Throws InputError where the vessels of a surface are wider than any or narrower than a wire: twice the
+/// volume over the area is the radius of a long tube.
+void check_size(const Mesh& mesh, const std::string& name) {
+  constexpr double kWidest_mm = 60, kNarrowest_mm = 0.05;
+  const double radius_mm = 2 * std::abs(volume_mm3(mesh)) / surface_area_mm2(mesh);
+  if (radius_mm > kWidest_mm)
+    throw InputError(
+        "{}: its vessels would be {:.3g} mm wide; give the unit of its lengths with `unit`, or a "
+        "surface of vessels alone",
+        name, 2 * radius_mm);
+  if (radius_mm < kNarrowest_mm)
+    throw InputError(
+        "{}: its vessels would be {:.2g} mm wide; give the unit of its lengths with `unit`: cm or m", name,
+        2 * radius_mm);
+}
+
+/// Lets the free ends of a tree that lie within an open vessel reach its opening. Returns how many openings
+/// are ends of vessels.
+std::size_t reach_openings(const std::vector<Opening>& openings, std::vector<VesselBranch>& branches) {
+  std::size_t reached = 0;
+  for (const Opening& opening : openings) {
+    VesselBranch* nearest = nullptr;
+    bool is_first = false;
+    double nearest_mm = 3 * opening.radius_mm;
+    for (VesselBranch& branch : branches) {
+      const auto consider = [&](const VesselPoint& end, bool first) {
+        const double mm = glm::distance(end.position_mm, opening.centre_mm);
+        if (mm < nearest_mm) nearest_mm = mm, nearest = &branch, is_first = first;
+      };
+      if (branch.parent < 0) consider(branch.points.front(), true);
+      if (branch.children.empty()) consider(branch.points.back(), false);
+    }
+    if (nearest == nullptr) continue;
+    ++reached;
+    const VesselPoint end = is_first ? nearest->points.front() : nearest->points.back();
+    constexpr double kLeast_mm = 0.05;
+    if (nearest_mm < kLeast_mm) continue;
+    const VesselPoint at_opening{opening.centre_mm, end.radius_mm};
+    nearest->points.insert(is_first ? nearest->points.begin() : nearest->points.end(), at_opening);
+  }
+  return reached;
+}
+
+/// The tree with side branches from their parents' axes, and its ends at the openings.
+Centrelines completed(Centrelines found, const std::vector<Opening>& openings, const std::string& name,
+                      std::vector<std::string>& notes) {
+  std::vector<VesselBranch> branches = found.tree.branches();
+  straighten_junctions(branches);
+  const std::size_t ends = reach_openings(openings, branches), holes = openings.size() - ends;
+  if (ends > 0) notes.push_back(fmt::format("{}: {} of vessels", name, pluralize(ends, "open end")));
+  if (holes > 0) notes.push_back(fmt::format("{}: {} closed", name, pluralize(holes, "hole")));
+  return {VesselTree(std::move(branches), name), std::move(found.loops), std::move(found.gaps_mm),
+          found.parts_left_out};
+}
+
+}  // namespace
+
+Vessels vessels_of_surface(const Mesh& surface, const GivenVesselsOptions& options, const std::string& name,
+                           Progress& progress) {
+  RepairedSurface given = repaired(surface, name);
+  check_size(given.mesh, name);
+  std::vector<std::string> notes = given.notes(name);
+  progress.begin("distances to the wall", 1, "surfaces");
+  const auto wall = surface_distance(given.mesh, spacing_of_distances_mm(given.mesh));
+  if (wall->wall().triangles.empty())
+    throw InputError("{}: no vessel: the surface encloses nothing as wide as {:.2g} mm", name,
+                     wall->spacing_mm());
+  progress.advance();
+
+  constexpr std::int64_t kVoxels = 120'000'000;
+  LumenFill fill = fill_of(*wall, grid_around(wall->wall(), kVoxels, wall->spacing_mm()));
+  Mask mask = one_component(half_full(fill), options.component_mm, name, notes);
+  const SurfaceLumen lumen(*wall, mask);
+  Centrelines centrelines =
+      completed(extract_centrelines(mask, name, progress, options.root_mm, nullptr, &lumen), given.openings,
+                name, notes);
+  if (options.grid) {
+    fill = fill_of(*wall, *options.grid);
+    mask = half_full(fill);
+  }
+  progress.begin("surface", 1, "surfaces");
+  const bool is_whole = given.pieces == 1 && is_watertight(given.mesh);
+  Mesh closed = is_whole ? std::move(given.mesh) : with_fewer_triangles(wall->wall(), options.triangles);
+  progress.advance();
+  return {std::move(mask),  std::move(fill),         std::move(centrelines), std::move(closed), {}, 0,
+          std::move(notes), options.grid.has_value()};
+}
+
+}  // namespace xraycast

@@ -1,0 +1,69 @@
+#include "xraycast/acquisition/phase_masks.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string_view>
+
+namespace xraycast {
+namespace {
+
+/// Of a waveform, the mean of its cycles; one that goes there and back is over as a whole.
+double cycle_of(const MotionMode& mode) {
+  if (mode.waveform.empty()) return mode.period_s;
+  const double span_s = mode.waveform.back().time_s - mode.waveform.front().time_s;
+  const double turns = std::round(std::abs(mode.waveform.back().phase - mode.waveform.front().phase));
+  return span_s / std::max(1.0, mode.wraps() ? turns : 1.0);
+}
+
+double phase_distance(double a, double b, bool wraps) {
+  const double away = std::abs(a - b);
+  return wraps ? std::min(away, 1 - away) : away;
+}
+
+}  // namespace
+
+MaskPhase parse_mask_phase(const std::string& text) {
+  if (text == "matched") return {};
+  const auto equals = text.rfind('=');
+  double phase = 0;
+  if (equals == std::string::npos || equals == 0 ||
+      !parse_whole(std::string_view(text).substr(equals + 1), phase))
+    throw InputError("`mask_phase` {}: must be matched, or a mode and its phase, such as heart=0.75",
+                     excerpt(text));
+  return {PhaseGate{text.substr(0, equals), phase}};
+}
+
+MaskMatching matching_of(const MaskPhase& wanted, const Motion& motion) {
+  const auto& modes = motion.modes();
+  const std::string name = wanted.fixed ? wanted.fixed->mode : "heart";
+  auto found = std::ranges::find(modes, name, &MotionMode::name);
+  if (found == modes.end() && !wanted.fixed) found = modes.begin();
+  if (found == modes.end()) {
+    std::string names;
+    for (const MotionMode& mode : modes) names += (names.empty() ? "" : ", ") + mode.name;
+    throw InputError("`mask_phase` {}: the motion has no such mode; choose one of {}", excerpt(name), names);
+  }
+  MaskMatching matching{.mode = static_cast<std::size_t>(found - modes.begin()),
+                        .wraps = found->wraps(),
+                        .cycle_s = cycle_of(*found)};
+  if (!wanted.fixed) return matching;
+  matching.phase = wanted.fixed->phase;
+  if (!(*matching.phase >= 0 && *matching.phase <= 1))
+    throw InputError("`mask_phase` {}={:g}: the phase must be 0 to 1", name, *matching.phase);
+  return matching;
+}
+
+void PhaseMasks::add(double phase, std::span<const float> picture) {
+  masks_.push_back({phase, {picture.begin(), picture.end()}});
+}
+
+std::span<const float> PhaseMasks::nearest(double phase, bool wraps) const {
+  return std::ranges::min_element(masks_, {},
+                                  [&](const Mask& mask) { return phase_distance(mask.phase, phase, wraps); })
+      ->picture;
+}
+
+}  // namespace xraycast
