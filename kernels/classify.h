@@ -15,8 +15,7 @@ static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opaci
   return mu;
 }
 
-static inline float8 mu_of8(const float8 hu, constant const XrcOpacity* opacity,
-                            global const float2* table) {
+static inline float8 mu_of8(const float8 hu, constant const XrcOpacity* opacity, global const float2* table) {
   (void)table;
   float8 mu = opacity->mu0;
   for (int i = 0; i < RAMPS; ++i) mu = fma((float8)opacity->slope[i], max(hu - opacity->from[i], 0.0f), mu);
@@ -53,8 +52,7 @@ static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opaci
   return fma(at - convert_float16(i), (float16)(lower.odd, upper.odd), (float16)(lower.even, upper.even));
 }
 
-static inline float8 mu_of8(const float8 hu, constant const XrcOpacity* opacity,
-                            global const float2* table) {
+static inline float8 mu_of8(const float8 hu, constant const XrcOpacity* opacity, global const float2* table) {
   const float8 at = clamp(hu - opacity->first_hu, 0.0f, (float)(opacity->entries - 1));
   const int8 i = convert_int8(at);
   global const long* entries = (global const long*)table;

@@ -148,8 +148,7 @@ INLINE float16 sample_column(const Column* column, const Rays* rays, const int k
 INLINE float16 add_core_planes(float16 sum, const Column* columns, const Rays* rays, const int k,
                                constant const XrcOpacity* opacity, global const float2* table) {
 #pragma unroll
-  for (int p = 0; p < PLANES; ++p)
-    sum += mu_of16(sample_column(&columns[p], rays, k + p), opacity, table);
+  for (int p = 0; p < PLANES; ++p) sum += mu_of16(sample_column(&columns[p], rays, k + p), opacity, table);
   return sum;
 }
 

@@ -5,6 +5,7 @@
 #include "calls/values.hpp"
 #include "scan.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/given_vessels/given_vessels.hpp"
 #include "xraycast/reports/vessel_report.hpp"
 #include "xraycast/segmentation/vessels.hpp"
 
@@ -269,13 +270,17 @@ void add_vessels(nb::module_& module) {
           "What was left out of a given mask.")
       .def(
           "report",
-          [](const HeldVessels& v, const HeldScan& scan) {
-            return picture_array(vessel_report(scan.source(), *v.found, v.request, *scan.volume()));
+          [](const HeldVessels& v, const HeldScan* scan) {
+            if (scan != nullptr && v.origin.empty())
+              return picture_array(vessel_report(scan->source(), *v.found, v.request, *scan->volume()));
+            if (scan == nullptr)
+              return picture_array(given_vessel_report("vessels", *v.found, v.origin, nullptr));
+            return picture_array(
+                given_vessel_report(scan->source(), *v.found, v.origin, scan->volume().get()));
           },
-          nb::arg("scan"), kShared,
+          nb::arg("scan").none() = nb::none(), kShared,
           "The picture of `xraycast segment`: the scan with the mask and the tree over it, and a table of "
-          "the "
-          "longest branches: (rows, columns, 3) uint8.")
+          "the longest branches: (rows, columns, 3) uint8. Without a scan, over black.")
       .def("write", write_files, nb::arg("folder"), nb::kw_only(), nb::arg("progress") = nb::none(),
            nb::sig("def write(self, folder: str | os.PathLike[str], *, progress: xraycast._progress.Listener "
                    "| None = None) -> None"),
@@ -287,8 +292,56 @@ void add_vessels(nb::module_& module) {
       });
 }
 
+void add_given_vessels(nb::module_& module) {
+  module.def(
+      "vessels",
+      [](nb::handle input, const HeldScan* like, const std::string& unit, const std::string& frame,
+         std::vector<std::string> labels, std::optional<double> radius_mm, const nb::object& component_mm,
+         const nb::object& root_mm, std::int64_t triangles, const nb::object& progress) {
+        GivenVesselsRequest request;
+        request.input = path_of(input);
+        request.unit_mm = unit_mm(unit);
+        request.frame = patient_frame(frame);
+        request.labels = std::move(labels);
+        request.radius_mm = radius_mm;
+        if (!component_mm.is_none()) request.options.component_mm = point_of(component_mm, "component_mm");
+        if (!root_mm.is_none()) request.options.root_mm = point_of(root_mm, "root_mm");
+        request.options.triangles = static_cast<std::size_t>(std::max<std::int64_t>(triangles, 0));
+        check(request);
+        return result_of(progress, [&](Progress& reported) {
+          return HeldVessels{std::make_shared<const Vessels>(given_vessels(
+                                 request, like != nullptr ? like->volume().get() : nullptr, reported)),
+                             like != nullptr ? like->info() : ScanInfo{},
+                             {},
+                             "as given in " + request.input.string()};
+        });
+      },
+      nb::arg("input"), nb::kw_only(), nb::arg("like").none() = nb::none(), nb::arg("unit") = "mm",
+      nb::arg("frame") = "lps", nb::arg("labels") = std::vector<std::string>(),
+      nb::arg("radius_mm") = nb::none(), nb::arg("component_mm") = nb::none(),
+      nb::arg("root_mm") = nb::none(), nb::arg("triangles") = GivenVesselsOptions{}.triangles,
+      nb::arg("progress") = nb::none(),
+      nb::sig(fmt::format(
+                  "def vessels(input: str | os.PathLike[str], *, like: Scan | None = None, unit: str = 'mm', "
+                  "frame: str = 'lps', labels: collections.abc.Sequence[str] = [], "
+                  "radius_mm: float | None = None, component_mm: numpy.typing.ArrayLike | None = None, "
+                  "root_mm: numpy.typing.ArrayLike | None = None, triangles: int = {}, "
+                  "progress: xraycast._progress.Listener | None = None) -> Vessels",
+                  GivenVesselsOptions{}.triangles)
+                  .c_str()),
+      "The Vessels of a file that somebody brings, as `xraycast vessels` makes them: a surface, a mask, or "
+      "centrelines.\n\n"
+      "like: the scan that they are of; the mask is made on its grid.\n"
+      "unit: of lengths, 'mm', 'cm' or 'm'; frame: 'lps' or 'ras', of a file that does not say its own.\n"
+      "labels: structures of a mask that are vessels: numbers, or TotalSegmentator's names.\n"
+      "radius_mm: of centrelines without radii.\n"
+      "component_mm: of components that do not touch, the nearest to this point; default: the largest.\n"
+      "root_mm, triangles: as segment's.");
+}
+
 void add_segmentation(nb::module_& module, nb::class_<HeldScan>& scan) {
   add_vessels(module);
+  add_given_vessels(module);
   const SegmentRequest usual;
   const std::string signature = fmt::format(
       "def segment(self, seeds: numpy.typing.ArrayLike = (), *, not_vessels: numpy.typing.ArrayLike = (), "

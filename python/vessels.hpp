@@ -10,6 +10,7 @@
 #include <memory>
 #include <nanobind/nanobind.h>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace xraycast::python {
@@ -28,6 +29,7 @@ struct HeldVessels {
   std::shared_ptr<const Vessels> found;
   ScanInfo scan;
   SegmentRequest request;
+  std::string origin = {};  ///< of vessels that were given; empty where they were found in a scan
 
   /// A part that keeps the whole alive.
   template <typename Part>

@@ -182,5 +182,22 @@ TEST_F(SegmentCommand, VesselnessIsAFieldOnTheScansGrid) {
   EXPECT_LT(at(0, 0, 20), 0.1F);
 }
 
+TEST_F(SegmentCommand, VesselsOfOtherProgramsMakeTheSameFolder) {
+  output_of("phantom thorax -o @/thorax.nrrd --spacing 4 --truth @/truth -q");
+  const Json json = json_of("vessels @/truth/surface.vtp -o @/vessels --like @/thorax.nrrd -q");
+  EXPECT_THAT(keys_of(json),
+              ElementsAre("input", "folder", "branches", "loops", "triangles", "notes", "timings_ms"));
+  EXPECT_EQ(json["branches"], 24);
+  for (const char* name :
+       {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"})
+    EXPECT_TRUE(fs::exists(folder_ / "vessels" / name)) << name;
+  // Without a scan there is no mask, and that of another one is removed.
+  json_of("vessels @/vessels/tree.vtp -o @/vessels -q");
+  EXPECT_FALSE(fs::exists(folder_ / "vessels" / "mask.nrrd"));
+  EXPECT_THAT(run("vessels @/truth/surface.vtp -o @/none --unit inch").err,
+              HasSubstr("--unit inch: must be mm, cm or m"));
+  EXPECT_FALSE(fs::exists(folder_ / "none"));
+}
+
 }  // namespace
 }  // namespace xraycast::cli_test

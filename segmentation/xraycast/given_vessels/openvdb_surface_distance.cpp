@@ -37,8 +37,8 @@ Mesh wall_of(const FloatGrid& grid) {
   Mesh mesh;
   for (const openvdb::Vec3s& p : points) mesh.points_mm.emplace_back(p.x(), p.y(), p.z());
   for (const openvdb::Vec4I& q : quads) {
-    mesh.triangles.push_back({q[0], q[1], q[2]});
-    mesh.triangles.push_back({q[0], q[2], q[3]});
+    mesh.triangles.push_back({q[0], q[2], q[1]});
+    mesh.triangles.push_back({q[0], q[3], q[2]});
   }
   return mesh;
 }

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/union_find.hpp"
 #include "xraycast/given_vessels/junctions.hpp"
 #include "xraycast/given_vessels/one_component.hpp"
 #include "xraycast/given_vessels/surface_distance.hpp"
@@ -33,6 +34,22 @@ void check_size(const Mesh& mesh, const std::string& name) {
     throw InputError(
         "{}: its vessels would be {:.2g} mm wide; give the unit of its lengths with `unit`: cm or m", name,
         2 * radius_mm);
+}
+
+/// The pieces of a wall that enclose a component of the mask of its lumen.
+Mesh wall_around(const Mask& component, const Mesh& wall) {
+  UnionFind pieces(wall.points_mm.size());
+  for (const auto& [a, b, c] : wall.triangles) pieces.unite(a, b), pieces.unite(a, c);
+  std::vector<std::int64_t> beside(wall.points_mm.size());  // points at the component less those that are not
+  for (std::size_t i = 0; i < wall.points_mm.size(); ++i) {
+    const Index3 voxel(glm::round(component.geometry.to_index(wall.points_mm[i])));
+    beside[pieces.find(i)] += component.at(voxel) || touches(component, voxel, Sharing::corner) ? 1 : -1;
+  }
+  Mesh around;
+  around.points_mm = wall.points_mm;
+  for (const auto& triangle : wall.triangles)
+    if (beside[pieces.find(triangle[0])] > 0) around.triangles.push_back(triangle);
+  return around;
 }
 
 /// Lets the free ends of a tree that lie within an open vessel reach its opening. Returns how many openings
@@ -82,15 +99,19 @@ Vessels vessels_of_surface(const Mesh& surface, const GivenVesselsOptions& optio
   check_size(given.mesh, name);
   std::vector<std::string> notes = given.notes(name);
   progress.begin("distances to the wall", 1, "surfaces");
-  const auto wall = surface_distance(given.mesh, spacing_of_distances_mm(given.mesh));
+  auto wall = surface_distance(given.mesh, spacing_of_distances_mm(given.mesh));
   if (wall->wall().triangles.empty())
     throw InputError("{}: no vessel: the surface encloses nothing as wide as {:.2g} mm", name,
                      wall->spacing_mm());
   progress.advance();
 
-  constexpr std::int64_t kVoxels = 120'000'000;
-  LumenFill fill = fill_of(*wall, grid_around(wall->wall(), kVoxels, wall->spacing_mm()));
-  Mask mask = one_component(half_full(fill), options.component_mm, name, notes);
+  LumenFill fill = fill_of(*wall, grid_around(wall->wall(), options.voxels, wall->spacing_mm()));
+  Mask mask = half_full(fill);
+  if (Mask kept = one_component(mask, options.component_mm, name, notes); kept.voxels != mask.voxels) {
+    wall = surface_distance(wall_around(kept, wall->wall()), wall->spacing_mm());
+    fill = fill_of(*wall, kept.geometry);
+    mask = std::move(kept);
+  }
   const SurfaceLumen lumen(*wall, mask);
   Centrelines centrelines =
       completed(extract_centrelines(mask, name, progress, options.root_mm, nullptr, &lumen), given.openings,

@@ -10,9 +10,9 @@
 namespace xraycast {
 
 /// The tree of a surface, in LPS mm, that is closed or open at the ends of its vessels. Its voxels are
-/// thinned on a grid of at most 120 million; lines and radii follow distances to the wall on a finer one.
-/// Open ends of vessels become ends of the tree, other openings are closed. A surface in one closed piece
-/// stays as it is; else the outer wall of all its parts is made anew.
+/// thinned on a grid of at most `options.voxels`; lines and radii follow distances to the wall on a finer
+/// one. Open ends of vessels become ends of the tree, other openings are closed. A surface in one closed
+/// piece stays as it is; else the outer wall of all its parts is made anew.
 ///
 /// Throws InputError, with `name` in front, as `repaired` and extract_centrelines do, and for a surface that
 /// is too small or too large for vessels, which names the unit that would fit.

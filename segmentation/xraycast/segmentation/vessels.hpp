@@ -21,8 +21,8 @@ struct Vessels {
   /// five.
   double weak_fraction;
   std::vector<std::string> notes;  ///< what was left out, a line each
-  /// Whether the grid of mask and fill is a scan's. Else it is one around vessels that were given as a surface
-  /// or lines, for pictures only.
+  /// Whether the grid of mask and fill is a scan's. Else it is one around vessels that were given as a
+  /// surface or lines, for pictures only.
   bool is_on_scan = true;
 };
 
@@ -39,9 +39,10 @@ inline constexpr std::array kVesselFiles{"mask.nrrd", "lumen.nrrd",  kVesselSegF
                                          "tree.json", "surface.vtp", "surface.stl"};
 
 /// Writes vessels into a folder, which is made unless it exists: all files or none, because a mask beside
-/// another scan's tree would be misleading; vessels without a scan have no masks. `mask.seg.dcm` is a DICOM Segmentation of the scan's slices;
-/// where they do not let it be one (why_no_seg), that of an earlier scan is removed, and so are masks. Throws InputError when a
-/// file cannot be written or removed, Error when the disk is full. `is_automatic` is SegOptions'.
+/// another scan's tree would be misleading; vessels without a scan have no masks. `mask.seg.dcm` is a DICOM
+/// Segmentation of the scan's slices; where they do not let it be one (why_no_seg), that of an earlier scan
+/// is removed, and so are masks. Throws InputError when a file cannot be written or removed, Error when the
+/// disk is full. `is_automatic` is SegOptions'.
 void write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automatic,
                    const std::filesystem::path& folder, const Progress& progress);
 
