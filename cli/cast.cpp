@@ -1,5 +1,5 @@
-#include "attenuation.hpp"
 #include "map_output.hpp"
+#include "options/attenuation_options.hpp"
 #include "options/command.hpp"
 #include "options/motion_options.hpp"
 #include "xraycast/base/atomic_file.hpp"

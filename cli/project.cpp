@@ -1,4 +1,4 @@
-#include "attenuation.hpp"
+#include "options/attenuation_options.hpp"
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
 #include "options/motion_options.hpp"

@@ -30,20 +30,16 @@ struct SegmentArguments {
   SegmentRequest request;
 };
 
-std::vector<glm::dvec3> parse_points(const std::vector<std::string>& texts, const std::string& option) {
+std::vector<glm::dvec3> points_of(const std::vector<std::string>& texts, const std::string& option) {
   std::vector<glm::dvec3> points_mm;
-  for (const std::string& text : texts) {
-    const std::vector<double> numbers = parse_numbers(text, option);
-    if (numbers.size() != 3) throw InputError("{} {}: must be X,Y,Z in mm (LPS)", option, text);
-    points_mm.emplace_back(numbers[0], numbers[1], numbers[2]);
-  }
+  for (const std::string& text : texts) points_mm.push_back(parse_point(text, option));
   return points_mm;
 }
 
 SegmentRequest parsed(const SegmentArguments& options) {
   SegmentRequest request = options.request;
-  request.markers.vessels_mm = parse_points(options.seeds, "--seed");
-  request.markers.not_vessels_mm = parse_points(options.not_vessels, "--not");
+  request.markers.vessels_mm = points_of(options.seeds, "--seed");
+  request.markers.not_vessels_mm = points_of(options.not_vessels, "--not");
   if (options.window != "auto") {
     const std::vector<double> limits = parse_numbers(options.window, "--window");
     if (limits.size() != 2)
@@ -51,7 +47,7 @@ SegmentRequest parsed(const SegmentArguments& options) {
     request.window_hu = {limits[0], limits[1]};
   }
   if (!options.from_mask.empty()) request.from_mask = fs::path(options.from_mask);
-  if (!options.root.empty()) request.root_mm = parse_points({options.root}, "--root").front();
+  if (!options.root.empty()) request.root_mm = parse_point(options.root, "--root");
   request.surface = surface_kind(options.surface);
   check(request);
   return request;

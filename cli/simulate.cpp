@@ -157,8 +157,8 @@ void check_cine(const SimulateArguments& options) {
       throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
     return check_not_given(*options.command,
                            {"--map", "--look", "--inject", "--injection-rate", "--injection-volume",
-                            "--iodine", "--heart-rate", "--mask-shift", "--max-opacification", "--gate",
-                            "--angle", "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
+                            "--iodine", "--heart-rate", "--mask-shift", "--mask-phase", "--max-opacification",
+                            "--gate", "--angle", "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
                            "without pictures of the run; leave it out or give --cine too");
   }
   const PictureOptions picture = picture_of(options);

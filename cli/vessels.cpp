@@ -22,16 +22,10 @@ namespace fs = std::filesystem;
 struct VesselsArguments {
   std::string input, folder, like, unit = "mm", frame = "lps", root, component;
   std::vector<std::string> labels;
-  double radius_mm = 0;
+  std::optional<double> radius_mm;
   std::size_t triangles = GivenVesselsOptions{}.triangles;
   ScanOptions scan;
 };
-
-glm::dvec3 parse_point(const std::string& text, const std::string& option) {
-  const std::vector<double> numbers = parse_numbers(text, option);
-  if (numbers.size() != 3) throw InputError("{} {}: must be X,Y,Z in mm (LPS)", option, text);
-  return {numbers[0], numbers[1], numbers[2]};
-}
 
 GivenVesselsRequest parsed(const VesselsArguments& options) {
   GivenVesselsRequest request;
@@ -39,7 +33,7 @@ GivenVesselsRequest parsed(const VesselsArguments& options) {
   request.unit_mm = unit_mm(options.unit);
   request.frame = patient_frame(options.frame);
   request.labels = options.labels;
-  if (options.radius_mm != 0) request.radius_mm = options.radius_mm;
+  request.radius_mm = options.radius_mm;
   if (!options.root.empty()) request.options.root_mm = parse_point(options.root, "--root");
   if (!options.component.empty())
     request.options.component_mm = parse_point(options.component, "--component");
@@ -162,7 +156,7 @@ void add_vessels(CLI::App& app, Invocation& invocation) {
   command
       ->add_option("--root", options->root,
                    "The tree's root is the vessel end nearest to this point, mm (LPS); without it, the end "
-                   "of the widest vessel")
+                   "of the widest vessel, or where centrelines start")
       ->type_name("X,Y,Z");
   command
       ->add_option("--triangles", options->triangles,

@@ -18,7 +18,7 @@ endforeach()
 foreach(component IN ITEMS c host segmentation simulation viewer)
   install(EXPORT xraycast-${component} NAMESPACE xraycast:: DESTINATION "${package_dir}" COMPONENT dev)
 endforeach()
-install(TARGETS xraycast_smoothed_mask xraycast_morphology xraycast_matrices xraycast_pictures xraycast_transforms LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}/xraycast"
+install(TARGETS xraycast_smoothed_mask xraycast_surface_distance xraycast_morphology xraycast_matrices xraycast_pictures xraycast_transforms LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}/xraycast"
   COMPONENT libraries)
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/xraycastConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
 install(FILES cmake/xraycastConfig.cmake "${PROJECT_BINARY_DIR}/xraycastConfigVersion.cmake"

@@ -336,7 +336,9 @@ void add_given_vessels(nb::module_& module) {
       "labels: structures of a mask that are vessels: numbers, or TotalSegmentator's names.\n"
       "radius_mm: of centrelines without radii.\n"
       "component_mm: of components that do not touch, the nearest to this point; default: the largest.\n"
-      "root_mm, triangles: as segment's.");
+      "root_mm: the tree begins at the vessel end nearest to it; default: at the widest, or where "
+      "centrelines start.\n"
+      "triangles: about how many, of a surface that is made anew.");
 }
 
 void add_segmentation(nb::module_& module, nb::class_<HeldScan>& scan) {

@@ -186,6 +186,12 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
   return numbers;
 }
 
+glm::dvec3 parse_point(const std::string& text, const std::string& option) {
+  const std::vector<double> numbers = parse_numbers(text, option);
+  if (numbers.size() != 3) throw InputError("{} {}: must be X,Y,Z in mm (LPS)", option, text);
+  return {numbers[0], numbers[1], numbers[2]};
+}
+
 void make_folder(const std::filesystem::path& folder, const std::string& name) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);

@@ -103,6 +103,9 @@ std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count
 /// `12.5,-30`. Throws InputError naming `option`.
 std::vector<double> parse_numbers(const std::string& text, const std::string& option);
 
+/// `12.5,-170,690`: a point in LPS mm. Throws InputError naming `option`.
+glm::dvec3 parse_point(const std::string& text, const std::string& option);
+
 /// Creates a folder and its parents unless they exist. Throws InputError with `name` in front.
 void make_folder(const std::filesystem::path& folder, const std::string& name);
 

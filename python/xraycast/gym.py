@@ -168,6 +168,8 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         self.holds_breath = breath_hold
         if breath_hold and "breath" not in self.modes:
             raise InputError("breath_hold: applies to a motion with a mode `breath`; give one, or leave it out")
+        if breath_hold and "breath" in (phase or {}):
+            raise InputError("breath_hold: the action holds and releases the breath; leave it out of phase")
         self.observes_phases = observe_phases
         if observe_phases and (motion is None or body is not None):
             raise InputError("observe_phases: applies to a motion without a body; give a motion, or leave it out")

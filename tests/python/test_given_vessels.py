@@ -32,10 +32,10 @@ def test_a_surface_in_metres_has_its_tree(tmp_path):
 
 def test_bad_requests(tmp_path):
     tube(tmp_path / "tube.ply")
-    for arguments, words in [(dict(unit="inch"), "`unit` inch: must be mm, cm or m"),
-                             (dict(frame="left"), "`frame` left: must be lps or ras"),
-                             (dict(triangles=5), "`triangles` 5: must be 100 or more"),
-                             (dict(radius_mm=-1.0), "`radius_mm` -1: must be above zero")]:
+    for arguments, words in [(dict(unit="inch"), "unit inch: must be mm, cm or m"),
+                             (dict(frame="left"), "frame left: must be lps or ras"),
+                             (dict(triangles=5), "triangles 5: must be 100 or more"),
+                             (dict(radius_mm=-1.0), "radius_mm -1: must be above zero")]:
         with pytest.raises(xc.InputError) as error:
             xc.vessels(tmp_path / "tube.ply", **arguments)
         assert words in str(error.value)

@@ -137,7 +137,9 @@ TEST_F(GivenVessels, UnitAndFrameAreGivenOrTheFiles) {
   EXPECT_LT(difference(truth, vessels_of("cm-ras.obj", cm_ras).centrelines.tree).within_95_mm, 0.5);
   GivenVesselsRequest ras;
   ras.frame = PatientFrame::ras;
-  EXPECT_LT(difference(truth, vessels_of("says-lps.stl", ras).centrelines.tree).within_95_mm, 0.5);
+  write_mesh(tube_mesh(truth), path("says-lps.vtp"));
+  for (const char* const file : {"says-lps.stl", "says-lps.vtp"})
+    EXPECT_LT(difference(truth, vessels_of(file, ras).centrelines.tree).within_95_mm, 0.5) << file;
 }
 
 TEST_F(GivenVessels, OpenEndsOfASurfaceAreEndsOfItsTree) {
@@ -256,10 +258,19 @@ TEST_F(GivenVessels, RefusesWhatIsNoVessel) {
   write_mesh(large, path("metres.vtp"));
   EXPECT_THAT(complaint("metres.vtp"), HasSubstr("`unit`: cm or m"));
   write("line.csv", "x,y,z\n0,0,0\n10,0,0\n20,0,0\n");
-  EXPECT_THAT(complaint("line.csv"), HasSubstr("give `radius`"));
+  EXPECT_THAT(complaint("line.csv"), HasSubstr("give `radius_mm`"));
   GivenVesselsRequest wide;
   wide.radius_mm = 2;
   EXPECT_EQ(vessels_of("line.csv", wide).centrelines.tree.branches().size(), 1U);
+  wide.options.root_mm = glm::dvec3(0, 900, 0);
+  EXPECT_THAT(complaint("line.csv", wide), HasSubstr("the nearest vessel end"));
+  GivenVesselsRequest far;
+  far.options.root_mm = glm::dvec3(0, 900, 0);
+  write_mesh(tube_mesh(tree_of(10)), path("tubes.vtp"));
+  EXPECT_THAT(complaint("tubes.vtp", far), HasSubstr("the nearest vessel end"));
+  GivenVesselsRequest aorta;
+  aorta.labels = {"aorta"};
+  EXPECT_THAT(complaint("tubes.vtp", aorta), HasSubstr("which is no mask"));
   EXPECT_THROW(unit_mm("inch"), InputError);
   EXPECT_THROW(patient_frame("left"), InputError);
 }

@@ -73,8 +73,16 @@ class CentrelineCsv {
       if (name.ends_with(unit)) name.resize(name.size() - std::string_view(unit).size());
     name = trimmed(name);
     for (const char* const unit : {"_cm", "(cm)", "[cm]", "_um", "(um)", "[um]", "_m", "(m)", "[m]"})
-      if (name.ends_with(unit))
+      if (name.ends_with(unit)) {
+        const std::string_view base =
+            trimmed(std::string_view(name).substr(0, name.size() - std::string_view(unit).size()));
+        if (known(base) == CsvColumn::other) return CsvColumn::other;
         lines_.fail("the column \"{}\" is not in mm; leave its unit out and give `unit`", excerpt(cell));
+      }
+    return known(name);
+  }
+
+  static CsvColumn known(std::string_view name) {
     const auto* const found =
         std::ranges::find(kCsvColumns, name, &std::pair<std::string_view, CsvColumn>::first);
     return found == kCsvColumns.end() ? CsvColumn::other : found->second;

@@ -68,7 +68,7 @@ class CentrelineCompletion {
                                   ? fmt::format("{}: line {}", name_, index)
                                   : fmt::format("{}: line {} (\"{}\")", name_, index, excerpt(line.name));
     if (line.radii_mm.empty()) {
-      if (!options_.radius_mm) throw InputError("{}: has no radii; give `radius`, in mm", field);
+      if (!options_.radius_mm) throw InputError("{}: has no radii; give `radius_mm`, in mm", field);
       line.radii_mm.assign(line.points_mm.size(), 0);
     }
     for (std::size_t k = 0; k < line.points_mm.size(); ++k) {
@@ -95,7 +95,7 @@ class CentrelineCompletion {
   double scaled_radius(double radius, const std::string& field, std::size_t k) const {
     if (!(radius > 0)) {
       if (!options_.radius_mm)
-        throw InputError("{}: point {}: the radius {:g} is not above zero; give `radius`, in mm", field, k,
+        throw InputError("{}: point {}: the radius {:g} is not above zero; give `radius_mm`, in mm", field, k,
                          radius);
       return *options_.radius_mm;
     }
@@ -124,7 +124,7 @@ std::vector<CentrelineLine> read_centreline_lines(const std::filesystem::path& p
   if (!(options.scale_mm > 0) || !std::isfinite(options.scale_mm))
     throw InputError("`unit` {:g}: must be above zero", options.scale_mm);
   if (options.radius_mm && !(*options.radius_mm > 0 && *options.radius_mm <= kLargestRadius_mm))
-    throw InputError("`radius` {:g}: must be above zero and at most {:g} mm", *options.radius_mm,
+    throw InputError("`radius_mm` {:g}: must be above zero and at most {:g} mm", *options.radius_mm,
                      kLargestRadius_mm);
   return with_remedy(path, "correct the file, or export the centrelines again", [&] {
     std::error_code error;

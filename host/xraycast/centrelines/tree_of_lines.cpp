@@ -200,15 +200,16 @@ class TreeGrowth {
     if (options.root_mm) {
       const auto away_mm = [&](int end) { return glm::distance(point(end).position_mm, *options.root_mm); };
       const int root = *std::ranges::min_element(ends, {}, away_mm);
-      check_near_end(point(root).position_mm, *options.root_mm, name_ + ": `root`");
+      check_near_end(point(root).position_mm, *options.root_mm, name_ + ": `root_mm`");
       return root;
     }
     for (const int root : lines_.roots)
       if (std::ranges::binary_search(ends, root)) return root;
     const int root = likely_root(ends);
     const glm::dvec3& at = point(root).position_mm;
-    notes_.push_back(fmt::format("{}: the tree begins at {:.0f},{:.0f},{:.0f}; give `root` for another end",
-                                 name_, at.x, at.y, at.z));
+    notes_.push_back(
+        fmt::format("{}: the tree begins at {:.0f},{:.0f},{:.0f}; give `root_mm` for another end", name_,
+                    at.x, at.y, at.z));
     return root;
   }
 

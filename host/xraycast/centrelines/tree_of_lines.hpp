@@ -39,7 +39,7 @@ struct TreeOfLines {
 /// only one at which lines start, or the one at which most do; or else the widest. Branches run from there.
 ///
 /// Throws InputError, with `name` in front, for lines that make no tree or violate VesselTree's invariants,
-/// and for a point more than 50 mm from the end that it was given for (`root`).
+/// and for a point more than 50 mm from the end that it was given for (`root_mm`).
 TreeOfLines tree_of_lines(const std::vector<CentrelineLine>& lines, const std::string& name,
                           const TreeOfLinesOptions& options = {});
 

@@ -16,6 +16,7 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -188,6 +189,7 @@ class LegacyVtkReader {
     if (keyword == "metadata") return skip_metadata();
     std::string_view line = words();
     take_word(line);
+    if (keyword == "points" || keyword == "point_data" || keyword == "cell_data") take_once(keyword);
     if (keyword == "points") return read_points(line);
     for (const auto& [name, cells] : {std::pair{"vertices", &PolyData::verts},
                                       {"lines", &PolyData::lines},
@@ -203,6 +205,11 @@ class LegacyVtkReader {
     }
     if (!arrays_) fail(keyword, "is not a section of PolyData");
     read_attribute(keyword, line);
+  }
+
+  /// Throws for a section that was there before: what was read by the first would not fit the second.
+  void take_once(const std::string& keyword) {
+    if (!sections_.insert(keyword).second) fail(keyword, "is there twice");
   }
 
   void read_points(std::string_view line) {
@@ -345,6 +352,7 @@ class LegacyVtkReader {
   std::uint64_t tuples_ = 0;
   std::optional<std::uint64_t> point_tuples_, cell_tuples_;
   bool is_text_ = false, is_ras_ = false;
+  std::set<std::string> sections_;  ///< those that may be there once only
 };
 
 }  // namespace

@@ -29,11 +29,13 @@ void write_polys(const Mesh& mesh, const std::filesystem::path& path) {
 }
 
 Mesh mesh_of(const PolyData& data, const std::string& name) {
-  MeshBuilder mesh(name);
-  for (const glm::dvec3& point_mm : data.points_mm) mesh.add_point(point_mm, "Points: point");
-  for (std::size_t i = 0; i < data.polys.size(); ++i) mesh.add_polygon(data.polys[i], "Polys: polygon", i);
-  for (std::size_t i = 0; i < data.strips.size(); ++i) mesh.add_strip(data.strips[i]);
-  return mesh.take();
+  MeshBuilder builder(name);
+  for (const glm::dvec3& point_mm : data.points_mm) builder.add_point(point_mm, "Points: point");
+  for (std::size_t i = 0; i < data.polys.size(); ++i) builder.add_polygon(data.polys[i], "Polys: polygon", i);
+  for (std::size_t i = 0; i < data.strips.size(); ++i) builder.add_strip(data.strips[i]);
+  Mesh mesh = builder.take();
+  mesh.says_space = data.says_space;
+  return mesh;
 }
 
 /// Own readers: of 120 damaged PLY files assimp 5.2.5 crashed on 28, and took more than ten seconds for

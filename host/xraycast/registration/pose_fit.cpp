@@ -134,7 +134,7 @@ class LocalGains {
   LocalGains(int width, int height) : width_(width), height_(height) {}
 
   /// One a pixel, at least 0: between nodes, each by a regression of the pixels around it. What differs by
-  /// more than the threshold counts less (Huber).
+  /// more than the threshold counts less (Geman and McClure).
   std::vector<float> fitted(const std::vector<float>& wanted, const std::vector<float>& own,
                             const std::vector<std::uint8_t>& counted, double threshold) const {
     std::vector<float> gains(wanted.size(), 1);
@@ -216,7 +216,7 @@ double median_of_sizes(std::vector<double> values) {
 /// The differences of normalised edges about a pose, as sums over their pixels: with a step s, given in
 /// kUnits, their weighted squares are cost - 2 slope * s + s * normal * s.
 struct PoseFit::Linear {
-  double cost = 0, similarity = 0;  ///< Huber's; the mean over the views
+  double cost = 0, similarity = 0;  ///< Geman and McClure's; the mean over the views
   std::int64_t count = 0;
   Vector6 slope = Vector6::Zero();
   Matrix6 normal = Matrix6::Zero();
@@ -343,7 +343,7 @@ PoseFit::Refined PoseFit::refine(const RigidMotion& start, int most_steps, Progr
   const glm::dvec3 middle = 0.5 * (scan_.geometry().lower_mm() + scan_.geometry().upper_mm());
   RigidMotion motion = start;
   Linear fit = linear_fit(motion, std::numeric_limits<double>::infinity(), progress);
-  // Twice the standard deviation, by the median of the differences' sizes.
+  // Three times the standard deviation, by the median of the differences' sizes.
   const double threshold = 3 * 1.4826 * median_of_sizes(std::move(fit.sizes));
   if (threshold > 0) fit = linear_fit(motion, threshold, progress);
   double damping = 1e-3;

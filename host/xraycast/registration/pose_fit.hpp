@@ -30,7 +30,7 @@ class PoseFit {
 
   /// A pose that fits best, from one nearby: Gauss-Newton steps on the differences of normalised edges,
   /// damped as Levenberg and Marquardt do, by the projector's exact derivatives. What differs much counts
-  /// less (Huber, Ann. Math. Statist. 35, 1964): instruments that the scan does not have.
+  /// less (Geman and McClure, Bull. Int. Statist. Inst. 52, 1987): instruments that the scan does not have.
   struct Refined {
     RigidMotion motion;
     double similarity = -1;

@@ -21,8 +21,8 @@ bool is_tree_folder(const std::filesystem::path& path) {
 
 /// Masks are known by their content: of any name that is none of a surface or of centrelines.
 bool is_mask(const GivenVesselsRequest& request) {
-  return !request.labels.empty() || (!is_surface_file(request.input) && !is_centreline_file(request.input) &&
-                                     !is_tree_folder(request.input));
+  return !is_surface_file(request.input) && !is_centreline_file(request.input) &&
+         !is_tree_folder(request.input);
 }
 
 Mesh read_surface(const GivenVesselsRequest& request) {
@@ -79,8 +79,8 @@ void check(const GivenVesselsRequest& request) {
     throw InputError("`triangles` {}: must be 100 or more", request.options.triangles);
   if (request.radius_mm && !(*request.radius_mm > 0 && std::isfinite(*request.radius_mm)))
     throw InputError("`radius_mm` {:g}: must be above zero", *request.radius_mm);
-  if (!is_mask(request)) return;
   const std::string name = request.input.string();
+  if (!is_mask(request)) return reject(!request.labels.empty(), "`labels`", name, "which is no mask");
   reject(request.unit_mm != 1, "`unit`", name, "a mask, whose header has its spacing");
   reject(request.frame != PatientFrame::lps, "`frame`", name, "a mask, whose header has its orientation");
   reject(request.radius_mm.has_value(), "`radius_mm`", name, "a mask");

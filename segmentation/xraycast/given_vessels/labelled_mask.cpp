@@ -34,7 +34,11 @@ std::vector<fs::path> files_of(const fs::path& folder, const std::vector<std::st
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
-    if (entry.is_regular_file(error)) file_of.emplace(name.substr(0, name.find('.')), entry.path());
+    if (!entry.is_regular_file(error)) continue;
+    const auto [other, is_new] = file_of.emplace(name.substr(0, name.find('.')), entry.path());
+    if (!is_new && std::ranges::find(labels, other->first) != labels.end())
+      throw InputError("{}: `labels` {}: both {} and {} have this name; remove one", folder.string(),
+                       printable(other->first), other->second.filename().string(), name);
   }
   std::vector<fs::path> files;
   for (const std::string& label : labels)

@@ -34,7 +34,7 @@ Mask one_component(const Mask& mask, const std::optional<glm::dvec3>& at_mm, con
   std::vector<bool> keep(static_cast<std::size_t>(components.count()));
   keep[static_cast<std::size_t>(kept)] = true;
   notes.push_back(fmt::format(
-      "{}: {} that do not touch; kept the {} ({:.0f} % of the volume); `component` chooses another by a "
+      "{}: {} that do not touch; kept the {} ({:.0f} % of the volume); `component_mm` chooses another by a "
       "point",
       name, pluralize(components.count(), "component"), at_mm ? "chosen one" : "largest one",
       100.0 * static_cast<double>(components.voxels(kept)) / static_cast<double>(mask.count())));

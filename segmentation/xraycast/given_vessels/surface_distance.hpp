@@ -2,6 +2,7 @@
 
 #include "xraycast/geometry/mesh.hpp"
 
+#include <limits>
 #include <memory>
 
 namespace xraycast {
@@ -28,8 +29,9 @@ class SurfaceDistance {
 double surface_area_mm2(const Mesh& mesh);
 
 /// A spacing for surface_distance: as fine as eight million distances beside the wall allow, but not finer
-/// than a sixteenth of the vessels' mean radius.
-double spacing_of_distances_mm(const Mesh& mesh);
+/// than a sixteenth of the vessels' mean radius or half of the least one, where that is known and less.
+double spacing_of_distances_mm(const Mesh& mesh,
+                               double least_radius_mm = std::numeric_limits<double>::infinity());
 
 /// By OpenVDB, which the first call loads. The wall is that of the given surface to a small part of the
 /// spacing; what is thinner than the spacing is lost. Throws Error when the library is not installed beside

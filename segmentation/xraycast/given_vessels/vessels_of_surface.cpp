@@ -52,6 +52,19 @@ Mesh wall_around(const Mask& component, const Mesh& wall) {
   return around;
 }
 
+/// Lets a line end at a point, straight from where it is a radius away from it: beside a flat cap
+/// cross-sections say little.
+void end_at(const VesselPoint& end, std::vector<VesselPoint>& points) {
+  const double step_mm = glm::distance(points[0].position_mm, points[1].position_mm);
+  while (points.size() > 2 && glm::distance(points.back().position_mm, end.position_mm) < end.radius_mm)
+    points.pop_back();
+  const VesselPoint from = points.back();
+  const auto steps = static_cast<int>(std::ceil(glm::distance(from.position_mm, end.position_mm) / step_mm));
+  for (int k = 1; k <= steps; ++k)
+    points.push_back(
+        {glm::mix(from.position_mm, end.position_mm, static_cast<double>(k) / steps), end.radius_mm});
+}
+
 /// Lets the free ends of a tree that lie within an open vessel reach its opening. Returns how many openings
 /// are ends of vessels.
 std::size_t reach_openings(const std::vector<Opening>& openings, std::vector<VesselBranch>& branches) {
@@ -71,10 +84,9 @@ std::size_t reach_openings(const std::vector<Opening>& openings, std::vector<Ves
     if (nearest == nullptr) continue;
     ++reached;
     const VesselPoint end = is_first ? nearest->points.front() : nearest->points.back();
-    constexpr double kLeast_mm = 0.05;
-    if (nearest_mm < kLeast_mm) continue;
-    const VesselPoint at_opening{opening.centre_mm, end.radius_mm};
-    nearest->points.insert(is_first ? nearest->points.begin() : nearest->points.end(), at_opening);
+    if (is_first) std::ranges::reverse(nearest->points);
+    end_at({opening.centre_mm, end.radius_mm}, nearest->points);
+    if (is_first) std::ranges::reverse(nearest->points);
   }
   return reached;
 }

@@ -8,6 +8,7 @@
 #include "xraycast/segmentation/lumen.hpp"
 #include "xraycast/segmentation/skeleton_pruning.hpp"
 
+#include <fmt/format.h>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
@@ -259,6 +260,11 @@ SkeletonGraph linked_graph(Mask skeleton, const std::vector<ComponentLink>& link
   return graph;
 }
 
+void check_root(const VesselTree& tree, const glm::dvec3& root_mm) {
+  check_near_end(tree.branches()[static_cast<std::size_t>(tree.root())].points.front().position_mm, root_mm,
+                 fmt::format("`root_mm` {:g},{:g},{:g}", root_mm.x, root_mm.y, root_mm.z));
+}
+
 }  // namespace
 
 Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progress& progress,
@@ -282,6 +288,7 @@ Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progr
   if (graph.edges.empty())
     throw InputError("{}: no vessel: no structure in the mask is longer than it is wide", name);
   Centrelines centrelines = TreeBuilder(graph, lumen, progress).build(root_mm, fill, name);
+  if (root_mm) check_root(centrelines.tree, *root_mm);
   for (const ComponentLink& link : found.links) centrelines.gaps_mm.push_back(link.length_mm);
   centrelines.parts_left_out = found.left_out;
   return centrelines;

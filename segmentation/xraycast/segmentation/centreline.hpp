@@ -4,13 +4,14 @@
 #include "xraycast/evidence/lumen_fill.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mask/mask.hpp"
-#include "xraycast/segmentation/lumen.hpp"
 
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace xraycast {
+
+class Lumen;
 
 /// A vessel tree, and the parts of the mask that did not fit a tree.
 struct Centrelines {
@@ -29,7 +30,8 @@ struct Centrelines {
 /// radii follow it. The root is the free end nearest to `root_mm`; without it the thickest free end of an
 /// elongated vessel, which excludes the dome of an aneurysm.
 ///
-/// Throws InputError, with `name` in front, when no structure in the mask is longer than it is wide. Thinning
+/// Throws InputError, with `name` in front, when no structure in the mask is longer than it is wide,
+/// and for a root farther than 50 mm from all free ends. Thinning
 /// and centring are stages of `progress`.
 Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progress& progress,
                                 const std::optional<glm::dvec3>& root_mm = {},

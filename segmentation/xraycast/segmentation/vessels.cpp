@@ -103,11 +103,6 @@ double weak_fraction(const VesselTree& tree, const Volume& volume, double noise_
   return all_mm > 0 ? weak_mm / all_mm : 0;
 }
 
-void check_root(const VesselTree& tree, const glm::dvec3& root_mm) {
-  check_near_end(tree.branches()[static_cast<std::size_t>(tree.root())].points.front().position_mm, root_mm,
-                 fmt::format("`root_mm` {:g},{:g},{:g}", root_mm.x, root_mm.y, root_mm.z));
-}
-
 void remove_stale(const fs::path& file) {
   std::error_code error;
   if (fs::remove(file, error) || !error) return;
@@ -154,7 +149,6 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
   if (has_mask) log.noise_hu = measure_noise_hu(volume);
   Centrelines centrelines = extract_centrelines(mask, name, progress, request.root_mm, &fill);
   const VesselTree& tree = centrelines.tree;
-  if (request.root_mm) check_root(tree, *request.root_mm);
   progress.begin("surface", 1, "surfaces");
   Mesh surface =
       request.surface == SurfaceKind::tubes ? tube_mesh(tree) : surface_of(mask, fill, request.triangles);

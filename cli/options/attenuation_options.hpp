@@ -1,6 +1,6 @@
 #pragma once
 
-#include "options/command.hpp"
+#include "command.hpp"
 #include "xraycast/attenuation/spectrum.hpp"
 
 #include <string>

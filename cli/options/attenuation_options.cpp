@@ -1,4 +1,4 @@
-#include "attenuation.hpp"
+#include "attenuation_options.hpp"
 
 namespace xraycast::cli {
 
