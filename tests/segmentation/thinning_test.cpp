@@ -55,10 +55,13 @@ TEST(Thinning, CountsTheEulerCharacteristicOfKnownShapes) {
 
 TEST(Thinning, KeepsTheEulerCharacteristicOf500RandomBlobs) {
   for (unsigned seed = 0; seed < 500; ++seed) {
-    const Mask before = blob(seed), after = thin(before);
-    ASSERT_EQ(euler_characteristic(after), euler_characteristic(before)) << "seed " << seed;
-    ASSERT_EQ(Components(after).count(), Components(before).count()) << "seed " << seed;
-    ASSERT_LT(after.count(), before.count()) << "seed " << seed;
+    const Mask before = blob(seed);
+    for (const StraightLines straight : {StraightLines::shrink, StraightLines::keep}) {
+      const Mask after = thin(before, straight);
+      ASSERT_EQ(euler_characteristic(after), euler_characteristic(before)) << "seed " << seed;
+      ASSERT_EQ(Components(after).count(), Components(before).count()) << "seed " << seed;
+      ASSERT_LT(after.count(), before.count()) << "seed " << seed;
+    }
   }
 }
 
@@ -80,6 +83,24 @@ TEST(Thinning, LeavesLinesAndPointsAlone) {
   const auto cross = mask_where(
       {.size = {9, 9, 9}}, [](const glm::dvec3& p) { return (p.x == 4) + (p.y == 4) + (p.z == 4) >= 2; });
   EXPECT_EQ(thin(cross).voxels, cross.voxels);
+}
+
+// A core two voxels wide lies with its whole length on the border across it, and must not be deleted from one
+// end to the other: tubes along an axis, with their middle on a voxel, between voxels, and elsewhere.
+TEST(Thinning, KeepsTheLengthOfTubesAlongAnAxis) {
+  for (const double middle : {0.0, 0.25, 0.5})
+    for (const double radius : {2.5, 5.3, 12.3})
+      for (int axis = 0; axis < 3; ++axis) {
+        Index3 size(34);
+        size[axis] = 90;
+        const Mask tube = mask_where({.size = size}, [&](const glm::dvec3& p) {
+          const double u = p[(axis + 1) % 3] - 16 - middle, v = p[(axis + 2) % 3] - 16 - middle;
+          return u * u + v * v < radius * radius && p[axis] > 2 && p[axis] < 87;
+        });
+        // A flat cap shortens the line by up to the radius.
+        EXPECT_GE(thin(tube, StraightLines::keep).count(), 84 - static_cast<std::int64_t>(2 * radius) - 2)
+            << "middle " << middle << ", radius " << radius << ", axis " << axis;
+      }
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/union_find.hpp"
+#include "xraycast/given_vessels/inner_branches.hpp"
 #include "xraycast/given_vessels/junctions.hpp"
 #include "xraycast/given_vessels/one_component.hpp"
 #include "xraycast/given_vessels/surface_distance.hpp"
@@ -91,10 +92,26 @@ std::size_t reach_openings(const std::vector<Opening>& openings, std::vector<Ves
   return reached;
 }
 
+/// The branches that end where those of a list, numbers in `before`, ended.
+std::vector<int> with_same_ends(const std::vector<int>& list, const std::vector<VesselBranch>& before,
+                                const std::vector<VesselBranch>& after) {
+  std::vector<int> numbers;
+  for (const int i : list) {
+    const glm::dvec3 end_mm = before[static_cast<std::size_t>(i)].points.back().position_mm;
+    const auto found = std::ranges::find(
+        after, end_mm, [](const VesselBranch& branch) { return branch.points.back().position_mm; });
+    if (found != after.end()) numbers.push_back(static_cast<int>(found - after.begin()));
+  }
+  return numbers;
+}
+
 /// The tree with side branches from their parents' axes, and its ends at the openings.
 Centrelines completed(Centrelines found, const std::vector<Opening>& openings, const std::string& name,
                       std::vector<std::string>& notes) {
   std::vector<VesselBranch> branches = found.tree.branches();
+  remove_inner_branches(branches);
+  branches = VesselTree(std::move(branches), name).branches();  // with children
+  found.loops = with_same_ends(found.loops, found.tree.branches(), branches);
   straighten_junctions(branches);
   const std::size_t ends = reach_openings(openings, branches), holes = openings.size() - ends;
   if (ends > 0) notes.push_back(fmt::format("{}: {} of vessels", name, pluralize(ends, "open end")));

@@ -54,7 +54,8 @@ bool is_simple(std::uint32_t neighbourhood) {
 /// Works on a copy padded with a layer of background, so that no neighbour needs a bounds check.
 class Thinning {
  public:
-  explicit Thinning(const Mask& mask) : size_(mask.geometry.size + Index3(2)) {
+  Thinning(const Mask& mask, StraightLines straight)
+      : size_(mask.geometry.size + Index3(2)), straight_(straight) {
     inside_.resize(static_cast<std::size_t>(size_.x * size_.y * size_.z));
     for (std::size_t i = 0; i < 26; ++i) steps_[i] = offset(kNeighbours[i]);
     const Index3 size = mask.geometry.size;
@@ -98,23 +99,27 @@ class Thinning {
     return bits;
   }
 
-  bool is_deletable(std::int64_t at) const {
-    const std::uint32_t bits = neighbourhood(at);
-    return std::popcount(bits) > 1 && is_simple(bits);
-  }
+  /// Whether a voxel is no end of a line.
+  static bool is_deletable(std::uint32_t bits) { return std::popcount(bits) > 1 && is_simple(bits); }
 
   /// Deletes the simple points on the border of one direction; all candidates are found before the first is
-  /// deleted. Returns how many there were.
+  /// deleted. A candidate that has lost neighbours since and is the end of a line now, one or two voxels
+  /// wide, stays: the whole length of a straight line two voxels wide lies on the border across it, and would
+  /// be deleted from one end to the other. Returns how many were deleted.
   std::int64_t delete_border_voxels(std::size_t direction) {
     check_cancelled();
     candidates_.clear();
     for (const std::int64_t at : remaining_)
       if (inside_[static_cast<std::size_t>(at)] != 0 &&
-          inside_[static_cast<std::size_t>(at + steps_[direction])] == 0 && is_deletable(at))
-        candidates_.push_back(at);
+          inside_[static_cast<std::size_t>(at + steps_[direction])] == 0)
+        if (const std::uint32_t bits = neighbourhood(at); is_deletable(bits))
+          candidates_.push_back({at, bits});
     std::int64_t deleted = 0;
-    for (const std::int64_t at : candidates_) {
-      if (!is_deletable(at)) continue;
+    for (const auto& [at, bits_before] : candidates_) {
+      const std::uint32_t bits = neighbourhood(at);
+      if (!is_deletable(bits) ||
+          (straight_ == StraightLines::keep && bits != bits_before && std::popcount(bits) <= 2))
+        continue;
       inside_[static_cast<std::size_t>(at)] = 0;
       ++deleted;
     }
@@ -122,15 +127,21 @@ class Thinning {
   }
 
   Index3 size_;
+  StraightLines straight_;
   std::array<std::int64_t, 26> steps_{};
   std::vector<std::uint8_t> inside_;
-  std::vector<std::int64_t> remaining_, candidates_;
+  std::vector<std::int64_t> remaining_;
+  struct Candidate {
+    std::int64_t at;
+    std::uint32_t bits;  ///< its neighbourhood before any was deleted
+  };
+  std::vector<Candidate> candidates_;
 };
 
 }  // namespace
 
-Mask thin(const Mask& mask, Progress& progress) {
-  Thinning thinning(mask);
+Mask thin(const Mask& mask, Progress& progress, StraightLines straight) {
+  Thinning thinning(mask, straight);
   thinning.run(progress);
   Mask lines(mask.geometry);
   thinning.store(lines);

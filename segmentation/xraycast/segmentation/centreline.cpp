@@ -273,7 +273,8 @@ Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progr
   const Box box = grown(bounding_box(mask), 2, mask.geometry.size);
   if (box.empty()) throw InputError("{}: no vessel: the mask is empty", name);
   const Mask part = crop(mask, box);
-  Mask skeleton = thin(part, progress);
+  // Tubes of a surface are often straight, those of a scan hardly ever.
+  Mask skeleton = thin(part, progress, given != nullptr ? StraightLines::keep : StraightLines::shrink);
   std::optional<MaskLumen> of_mask;
   const Lumen& lumen = given != nullptr ? *given : of_mask.emplace(part);
   const ComponentLinks found = link_components(skeleton, [&](const Index3& end) {
