@@ -366,7 +366,8 @@ void expect_near(const std::vector<double>& found, const nlohmann::json& wanted,
 
 TEST(BodyClock, HasTheValuesThatThePagesClockIsTestedAgainst) {
   std::ifstream file(XRAYCAST_SOURCE_DIR "/tests/systems/body_clock.json");
-  for (const auto& one : nlohmann::json::parse(file).at("clocks")) {
+  const nlohmann::json document = nlohmann::json::parse(file);
+  for (const auto& one : document.at("clocks")) {
     BodyClock clock = clock_of(one);
     for (const auto& step : one.at("steps")) {
       take(step, clock);
