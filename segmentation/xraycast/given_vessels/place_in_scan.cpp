@@ -31,7 +31,7 @@ std::string remedy(std::span<const glm::vec3> points_mm, const VolumeGeometry& s
       if (share_inside(points_mm, scan, {factor * turned, factor * turned, factor}) < kFits) continue;
       const std::string frame = turned < 0 ? " in the other `frame`" : "",
                         unit = factor != 1 ? fmt::format(" with a `unit` {:g} times as long", factor) : "";
-      return "; it would fit" + frame + unit;
+      return fmt::format("; it would fit{}{}", frame, unit);
     }
   return "; check that it is of this patient";
 }

@@ -55,8 +55,10 @@ std::size_t drop_useless(Mesh& mesh) {
     return t;
   };
   std::ranges::stable_sort(mesh.triangles, {}, corners);
-  const auto [first, last] = std::ranges::unique(mesh.triangles, {}, corners);
-  mesh.triangles.erase(first, last);
+  mesh.triangles.erase(
+      std::unique(mesh.triangles.begin(), mesh.triangles.end(),
+                  [&](const Triangle& a, const Triangle& b) { return corners(a) == corners(b); }),
+      mesh.triangles.end());
   return before - mesh.triangles.size();
 }
 
