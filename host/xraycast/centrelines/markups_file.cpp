@@ -22,9 +22,9 @@ std::string text_member(const nlohmann::json& object, const char* key) {
 
 /// The list that an object holds there; an empty one without it.
 const nlohmann::json& list_member(const nlohmann::json& object, const char* key, const std::string& field) {
-  static const nlohmann::json kEmpty = nlohmann::json::array();
+  static const nlohmann::json empty = nlohmann::json::array();
   const auto found = object.find(key);
-  if (found == object.end() || found->is_null()) return kEmpty;
+  if (found == object.end() || found->is_null()) return empty;
   if (!found->is_array()) throw InputError("{}: \"{}\" is not a list", field, key);
   return *found;
 }

@@ -190,9 +190,8 @@ class PlyReader {
   /// Of a list, whose numbers the file has room for.
   std::size_t length(const PlyProperty& property, const PlyElement& element, std::uint64_t i) {
     const double value = number(property.count_type, element, i);
-    const std::size_t least_B = is_text_ ? 2 : property.type.size_B;
-    if (!(value >= 0 && value <= static_cast<double>((rest_.size() + 1) / least_B)) ||
-        value != std::floor(value))
+    const std::size_t least_B = is_text_ ? 2 : property.type.size_B, most = (rest_.size() + 1) / least_B;
+    if (!(value >= 0 && value <= static_cast<double>(most)) || value != std::floor(value))
       fail(element, i, "has a list longer than the file");
     return static_cast<std::size_t>(value);
   }
