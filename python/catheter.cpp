@@ -159,12 +159,7 @@ class HeldInstruments {
     return clock_->phases();
   }
 
-  BodyClock clock_now() const {
-    BodyClock clock(*request_.body.motion, request_.body.speed * instruments_.time_s());
-    clock.set_speed(request_.body.speed);
-    for (const auto& [mode, phase] : request_.body.phase) clock.hold(mode, phase);
-    return clock;
-  }
+  BodyClock clock_now() const { return clock_of(request_.body, instruments_.time_s()); }
 
   std::vector<State> states_now() const {
     std::vector<State> states;

@@ -74,8 +74,8 @@ std::vector<double> phases_at(const BodyRequest& request, double time_s) {
   return phases;
 }
 
-BodyClock clock_of(const BodyRequest& request) {
-  BodyClock clock(*request.motion);
+BodyClock clock_of(const BodyRequest& request, double time_s) {
+  BodyClock clock(*request.motion, request.speed * time_s);
   clock.set_speed(request.speed);
   for (const auto& [mode, phase] : request.phase) clock.hold(mode, phase);
   return clock;

@@ -35,9 +35,9 @@ void check(const BodyRequest& request);
 /// Of the modes of the motion, in order, at a time that begins with the motion's; none without a motion.
 std::vector<double> phases_at(const BodyRequest& request, double time_s);
 
-/// The clock of such a body, which has a motion, at 0 s. A mode whose waveform never has the phase at which
-/// it is held throws as BodyClock::hold.
-BodyClock clock_of(const BodyRequest& request);
+/// The clock of such a body, which has a motion, at a time of the run. A mode whose waveform never has the
+/// phase at which it is held throws as BodyClock::hold.
+BodyClock clock_of(const BodyRequest& request, double time_s = 0);
 
 /// When an exposure that is due at a time is made: when the gate opens next, without one at once.
 double exposure_time_s(const BodyRequest& request, double due_s);
