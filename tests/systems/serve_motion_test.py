@@ -155,7 +155,7 @@ class ServeInMotion(unittest.TestCase):
         self.assertGreater(len(held), 3, "pictures come")
         self.assertEqual(len(set(held)), 1, "of a body that is held")
         client.body("release breath")
-        self.assertGreater(len(set(client.watch(1))), 3)
+        self.assertGreater(len(set(client.watch(3))), 3, "a breath of 4 s rests for a second at its end, and begins slowly")
         client.body("hold breath 0.25")
         client.body("hold heart 0")
         quarter = set(client.watch(1))
