@@ -11,10 +11,10 @@
 #include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/still_picture.hpp"
 #include "xraycast/export/export_request.hpp"
+#include "xraycast/scene/map_motion.hpp"
 
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <memory>
 #include <nanobind/stl/string.h>
 
@@ -44,8 +44,8 @@ BodyRequest page_body(const HeldBody& body, const HeldRun* run, bool has_vessels
       throw InputError("run: has a motion of its own; leave out motion, phase, gate and motion_speed");
     return run->request.body;
   }
-  if (!page.motion && has_vessels && body.map->keys && std::filesystem::exists(body.map->keys->motion))
-    page.motion = std::make_shared<const Motion>(read_motion(body.map->keys->motion));
+  std::vector<std::string> notes;  // check() tells of vessels that stay
+  if (!page.motion && has_vessels) page.motion = motion_of(*body.map, {}, notes);
   return page;
 }
 

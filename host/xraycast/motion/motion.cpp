@@ -200,20 +200,27 @@ std::vector<double> Motion::phases_at(double time_s) const {
 }
 
 std::vector<double> Motion::phases_of(const std::map<std::string, double>& named) const {
-  std::vector<std::string> names;
-  std::vector<double> phases;
-  for (const MotionMode& mode : modes_) {
-    const auto found = named.find(mode.name);
-    names.push_back(mode.name);
-    phases.push_back(found == named.end() ? 0 : found->second);
-    if (!(phases.back() >= 0 && phases.back() <= 1))
-      throw InputError("`phase` {}={}: must be 0 to 1", mode.name, phases.back());
+  std::vector<double> phases(modes_.size(), 0.0);
+  for (const auto& [mode, phase] : named) {
+    const std::string asked = fmt::format("`phase` {}={}", excerpt(mode), phase);
+    const std::size_t number = number_of(mode, asked);
+    if (!(phase >= 0 && phase <= 1)) throw InputError("{}: must be 0 to 1", asked);
+    phases[number] = phase;
   }
-  for (const auto& [mode, phase] : named)
-    if (std::ranges::find(names, mode) == names.end())
-      throw InputError("`phase` {}={}: {} has no such mode; choose one of {}", excerpt(mode), phase, name_,
-                       fmt::join(names, ", "));
   return phases;
+}
+
+std::size_t Motion::number_of(const std::string& mode, const std::string& asked) const {
+  const auto found =
+      std::find_if(modes_.begin(), modes_.end(), [&](const MotionMode& one) { return one.name == mode; });
+  if (found != modes_.end()) return static_cast<std::size_t>(found - modes_.begin());
+  std::vector<std::string> names;
+  for (const MotionMode& one : modes_) names.push_back(one.name);
+  refuse_mode(asked, name_, names);
+}
+
+void refuse_mode(const std::string& asked, const std::string& body, const std::vector<std::string>& names) {
+  throw InputError("{}: {} has no such mode; choose one of {}", asked, body, fmt::join(names, ", "));
 }
 
 HeldMotion Motion::held_at(std::span<const double> phases) const {

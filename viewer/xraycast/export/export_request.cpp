@@ -60,6 +60,13 @@ void check_keys(const ExportRequest& request) {
         map.keys->size_B() / 1'000'000, kMostWebKeyTexels / 1'000'000);
 }
 
+/// How the page's body moves: by its map's own rhythm, whose fields a page has not.
+BodyRequest rhythm_of(const ExportRequest& request) {
+  BodyRequest body = request.body;
+  body.motion = {request.map->keys, &request.map->keys->phases().rhythm()};
+  return body;
+}
+
 void check_motion(const ExportRequest& request) {
   const BodyRequest& body = request.body;
   const bool is_given = body.motion || !body.phase.empty() || body.speed != 1 || body.gate;
@@ -71,17 +78,7 @@ void check_motion(const ExportRequest& request) {
     return;
   }
   if (body.motion) check_same_modes(*request.map, *body.motion);
-  const Motion& rhythm = request.map->keys->phases().rhythm();
-  rhythm.phases_of(body.phase);
-  constexpr double kFastest = 100;
-  if (!(body.speed >= 0 && body.speed <= kFastest))
-    throw InputError("`motion_speed` {:g}: must be 0 to {:g}", body.speed, kFastest);
-  if (!body.gate) return;
-  const auto& [mode, phase] = *body.gate;
-  if (std::ranges::find(rhythm.modes(), mode, &MotionMode::name) == rhythm.modes().end() ||
-      !(phase >= 0 && phase <= 1))
-    throw InputError("`gate` {}={:g}: must be a mode of {} and its phase, 0 to 1", excerpt(mode), phase,
-                     request.map_name);
+  check(rhythm_of(request));
 }
 
 void check_vessels(const Surface& vessels, const BodyBounds& bounds, const std::string& name) {
@@ -155,15 +152,7 @@ bool moves(const ExportRequest& request) {
   return request.map->keys && !request.live && (!request.run || request.run->moves);
 }
 
-std::vector<double> first_phases(const ExportRequest& request) {
-  const Motion& rhythm = request.map->keys->phases().rhythm();
-  std::vector<double> phases = rhythm.phases_at(0);
-  for (std::size_t m = 0; m < phases.size(); ++m) {
-    const auto held = request.body.phase.find(rhythm.modes()[m].name);
-    if (held != request.body.phase.end()) phases[m] = held->second;
-  }
-  return phases;
-}
+std::vector<double> first_phases(const ExportRequest& request) { return phases_at(rhythm_of(request), 0); }
 
 ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const BodyMap> map) {
   ExportRequest request = request_of(session, std::move(map));
