@@ -479,6 +479,8 @@ const BadCall kBadCalls[] = {
      "--device-model does not apply without a run; leave it out or give --simulate too", write_small_map},
     {"ViewByAHandWithoutARun", "view @/map.exr --haptic mouse", 3,
      "--haptic does not apply without a run; leave it out or give --simulate too", write_small_map},
+    {"ViewOfMasksOfAStillBody", "view @/map.exr --mask-phase matched", 3,
+     "--mask-phase matched: the body is still; give --motion too, or leave it out", write_small_map},
     {"CompareWithAMeasureOfNoPlot", "compare @/ct.nii @/map.exr --plot-of rmse", 3,
      "--plot-of does not apply without a plot; leave it out or give --plot too", write_small_map},
     {"ViewOfNoFile", "view @/nothing.exr", 3, "no such file"},
