@@ -60,9 +60,8 @@ INLINE Slices bilinear(SCAN upper, SCAN lower, const float fx, const float fy) {
 /* Position (x, y), between voxels' centres of a run, interpolated bilinearly. */
 INLINE Slices sample(SCAN voxels, const XrcScan* scan, const int run, const float x, const float y) {
   const int ix = (int)x, iy = (int)y;
-  const long row = (long)scan->pitch_x * XRC_BRICK_SLICES;
-  SCAN upper = first_of_run(voxels, scan, run) + iy * row + ix * XRC_BRICK_SLICES;
-  return bilinear(upper, upper + row, x - (float)ix, y - (float)iy);
+  SCAN upper = first_of_run(voxels, scan, run) + (long)(iy * scan->pitch_x + ix) * XRC_BRICK_SLICES;
+  return bilinear(upper, upper + (long)scan->pitch_x * XRC_BRICK_SLICES, x - (float)ix, y - (float)iy);
 }
 
 #if defined(MOVED) && SLICES == 16
