@@ -8,7 +8,7 @@ import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
 import type { Picture } from "./picture";
-import type { State, Store } from "./state";
+import type { Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
 import { Loads, LoadChart } from "./load_chart";
 
@@ -135,8 +135,8 @@ export class LiveView {
   /** The picture's body, where the page has the maps of a body that moves. */
   private move_body({ body }: LiveMessage): void {
     if (!body) return;
-    const phases = body.modes.map(({ phase }) => phase), change: object = { phases };
-    if ("phases" in this.store.state) this.store.update(change as Partial<State>);
+    const phases = body.modes.map(({ phase }) => phase);
+    this.store.update({ phases, is_paused: false });
     document.documentElement.dataset.phases = phases.map((phase) => phase.toFixed(4)).join();
   }
 

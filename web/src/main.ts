@@ -80,7 +80,7 @@ class Page {
     };
     const controls = new PictureControls(stage, store, picture, data.map.bounds, actions);
     this.player = data.run && data.run.pictures > 1 ? new RunPlayer(data.run, store) : null;
-    this.motion = data.motion && !data.run?.moves && !store.state.is_bare ? new MotionPlayer(data.motion, store) : null;
+    this.motion = data.motion && !data.run?.moves && !data.live && !store.state.is_bare ? new MotionPlayer(data.motion, store) : null;
     this.traces = data.motion && data.run?.moves ? new RunTraces(data.motion, store) : null;
     for (const line of document.querySelectorAll<HTMLElement>('[data-keys="motion"]')) line.hidden = !this.motion;
     this.tools = new Tools(data, store, controls, actions);
@@ -174,7 +174,7 @@ class Page {
     const scale = this.resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
     const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare && !this.picture.held_pose;
     this.has_moved = false;
-    const body_moves = this.motion?.is_playing || (this.player?.is_playing && this.traces !== null) || false;
+    const body_moves = this.body_moves;
     const has_road_map = this.picture.draw(state, is_moving || body_moves, is_moving || (body_moves && this.pace.is_slow(performance.now()))), view = this.picture.view(state);
     const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
     draw_overlay(overlay, view, outlined, scale, !state.is_bare);
@@ -183,6 +183,12 @@ class Page {
     clearTimeout(this.rest_timer);
     if (!body_moves) this.pace.rest();
     if (is_moving) this.rest_timer = setTimeout(() => this.request(), Math.max(0, kRest_ms - rest_ms) + 1);
+  }
+
+  private get body_moves(): boolean {
+    if (!this.data.motion) return false;
+    if (this.data.live) return !this.picture.held_pose;
+    return this.motion?.is_playing || (this.player?.is_playing && this.traces !== null) || false;
   }
 
   private get shown_angles(): string {

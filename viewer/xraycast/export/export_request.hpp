@@ -64,7 +64,8 @@ inline constexpr std::size_t kMostWebTriangles = 2'000'000;
 /// Of all key maps of a body that moves, which become twice as many bytes on the GPU; and of its modes.
 inline constexpr std::size_t kMostWebKeyTexels = 67'108'864, kMostWebModes = 2;
 
-/// Whether the page shows a body that moves: its map does, and so did it in a run, if there is one.
+/// Whether the page shows a body that moves: its map does, and so did it in a run, or does in a live session,
+/// if there is one. A live session's page stands still where its key maps do not fit into a page.
 bool moves(const ExportRequest& request);
 
 /// Of the modes of a map that moves, in order, as a page without a run opens.
