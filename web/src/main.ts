@@ -12,6 +12,7 @@ import { Picture } from "./picture";
 import { Notes } from "./notes";
 import { State, Store, first_state } from "./state";
 import { Tools } from "./tools";
+import { can_simulate } from "./trainer";
 import { label_of } from "./view";
 
 const kRest_ms = 150; // without a move, after which the picture is drawn fully
@@ -99,7 +100,7 @@ class Page {
     this.draw();
     notes.state("");
     this.load_keys();
-    if (data.live) new LiveView(data.live, store, picture, notes, stage, () => this.request());
+    if (data.live) new LiveView(data.live, data.trainer, store, picture, notes, stage, () => this.request());
   }
 
   /** The picture, or else the still one. */
@@ -263,11 +264,14 @@ async function open(): Promise<void> {
   notes.state("Opening the session …");
   const header = JSON.parse(element("session").textContent!) as Header, packed = element("data").textContent!.trim();
   element("data").remove(); // as long as the file: its memory is needed
-  const data = await session_of(header, packed), first = first_state(data);
+  const simulation = can_simulate() ? element("simulation").textContent!.trim() : null;
+  element("simulation").remove();
+  const data = await session_of(header, packed, simulation), first = first_state(data);
   const modes = data.motion?.modes.map(({ name }) => name) ?? [], store = new Store(state_of(location.hash, first, modes), first, data);
   const picture = Picture.on(canvas, data);
   if (!picture) return notes.state("This browser has no WebGL 2, so this is a still picture.");
   new Page(data, store, picture);
+  if (header.trainer && !data.trainer) notes.state(`This browser has no WebAssembly, so nothing can be steered${data.run ? "; the run can be played" : ""}.`);
 }
 
 open().catch((error: Error) => notes.state(`This is a still picture: ${error.message}.`));
