@@ -24,7 +24,7 @@ const { MotionMode, phase_weights } = await module_of("motion_mode.ts");
 const { bands_at, key_before, owner_of, rounded, shares_at } = await module_of("key_maps.ts");
 const { Lattice } = await module_of("moving_lattice.ts");
 const { ShownPhases } = await module_of("motion_player.ts");
-const { TraceLog } = await module_of("motion_chart.ts");
+const { TraceLog } = await module_of("traces.ts");
 const { Store, first_state } = await module_of("state.ts");
 const { picture_at, shown_time_s } = await module_of("instrument_shape.ts");
 const { step_s } = await module_of("run_player.ts");
@@ -40,7 +40,7 @@ const { message_of } = await module_of("live_message.ts");
 const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
 const { LastLoads } = await module_of("live.ts");
-const { LastTraces } = await module_of("live_body.ts");
+const { LastTraces, breath_of } = await module_of("live_body.ts");
 
 const kRun = { pictures: 151, step_s: 1 / 15, instruments: [] };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
@@ -279,6 +279,17 @@ test("traces are of the last six seconds, and of nothing that is missing", () =>
   assert.ok(exposures_s.length > 115 && exposures_s.every((age_s) => age_s >= 0 && age_s <= 6.001));
   traces.add(told(300)); // what came between was lost
   assert.equal(traces.shown.modes[1].values.length, 10);
+});
+
+test("a breath hold holds the breath", () => {
+  assert.deepEqual([["cough", "breath", "heart"], ["heart", "cough"], ["heart"]].map(breath_of), ["breath", "cough", undefined]);
+});
+
+test("a line is at the phase of a gate, which another mode does not have", () => {
+  const log = new TraceLog(2);
+  log.add(() => [0.5, 0.25], 0);
+  const { modes, exposures_s } = log.shown((m) => ({ name: "ab"[m], is_held: m === 1, gate: m === 0 ? 0.75 : null }));
+  assert.deepEqual([modes[0].gate, modes[1].gate, modes[1].is_held, modes[0].values.at(-1), exposures_s], [0.75, null, true, 0.5, []]);
 });
 
 test("contrast agent moves with the body", () => {

@@ -2,7 +2,7 @@
 
 #include "xraycast/network/web_server.hpp"
 #include "xraycast/serving/browser_hand.hpp"
-#include "xraycast/serving/browser_message.hpp"
+#include "xraycast/trainer/browser_message.hpp"
 #include "xraycast/serving/live_outlet.hpp"
 
 #include <cstdint>
