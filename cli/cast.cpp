@@ -219,7 +219,8 @@ void add_cast(CLI::App& app, Invocation& invocation) {
   command
       ->add_option(
           "--centre-line", options->request.centre_line,
-          "cylinder: the axis follows a curve, monotonic in z: a CSV of x,y,z in mm (LPS) or a vessel tree")
+          "cylinder: the axis follows a curve, monotonic in z: a CSV of x,y,z in mm (LPS) or a vessel tree, "
+          "of which a branch is chosen by its number or name")
       ->type_name("FILE[#BRANCH]");
   command
       ->add_option("--radius", options->radius,

@@ -1,6 +1,7 @@
 #include "xraycast/catheter/vessel_entry.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/mechanics/vectors.hpp"
 
 #include <glm/geometric.hpp>
@@ -54,6 +55,20 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
       branch);
 }
 
+/// The one end that a vessel of this name has.
+VesselEnd end_named(const VesselTree& tree, const std::string& vessel, const std::string& name) {
+  const std::vector<int> branches = branches_named(tree, vessel, name);
+  std::vector<VesselEnd> ends = vessel_ends(tree);
+  std::erase_if(ends,
+                [&](const VesselEnd& end) { return !std::ranges::binary_search(branches, end.branch); });
+  if (ends.empty())
+    throw InputError("{}: this vessel goes on in others at its end; choose one that ends", name);
+  if (ends.size() > 1 && ends.front().branch != ends.back().branch)
+    throw InputError("{}: this vessel has {} ends, in branches {} to {}; choose one of these by its number",
+                     name, ends.size(), ends.front().branch, ends.back().branch);
+  return ends.front();
+}
+
 }  // namespace
 
 std::string_view side_of_patient(const VesselTree& tree, const VesselEnd& end) {
@@ -94,6 +109,8 @@ VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm) {
 
 VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const InstrumentModel& instrument) {
   if (const int* branch = std::get_if<int>(&choice.end)) return end_of_branch(tree, *branch, choice.name);
+  if (const auto* vessel = std::get_if<std::string>(&choice.end))
+    return end_named(tree, *vessel, choice.name);
   if (const auto* point_mm = std::get_if<glm::dvec3>(&choice.end)) {
     VesselEnd nearest = nearest_end(tree, *point_mm);
     check_near_end(to_glm(nearest.position_mm), *point_mm, choice.name);
@@ -121,11 +138,12 @@ void check_fits(const VesselTree& tree, const VesselEnd& entry, const Instrument
   std::vector<VesselEnd> ends = ends_for(tree, instrument);
   if (ends.size() > kMaxNamed) ends.resize(kMaxNamed);
   for (const VesselEnd& end : ends)
-    wide_enough += fmt::format("{}{:.0f},{:.0f},{:.0f} (branch {}, {:.2g} mm wide)",
+    wide_enough += fmt::format("{}{:.0f},{:.0f},{:.0f} ({}, {:.2g} mm wide)",
                                wide_enough.empty() ? "" : " or ", end.position_mm.x(), end.position_mm.y(),
-                               end.position_mm.z(), end.branch, 2 * end.radius_mm);
-  throw InputError("{}: its diameter of {} does not fit into branch {}, which has {:.3g} mm at its end; {}",
-                   instrument.name(), diameter_text(instrument), entry.branch, 2 * entry.radius_mm,
+                               end.position_mm.z(), tree.title(end.branch), 2 * end.radius_mm);
+  throw InputError("{}: its diameter of {} does not fit into {}, which has {:.3g} mm at its end; {}",
+                   instrument.name(), diameter_text(instrument), tree.title(entry.branch),
+                   2 * entry.radius_mm,
                    wide_enough.empty() ? "nor into any other end; choose a thinner instrument"
                                        : "choose another entry, such as " + wide_enough);
 }
