@@ -320,12 +320,34 @@ std::vector<ToneCurve> PoseFit::tones_at(const RigidMotion& motion, std::span<co
   return curves;
 }
 
-void PoseFit::add_view(const ViewLevel& whole, const PictureBox& part, const PoseGradient& picture,
-                       double threshold, Linear& fit) const {
-  const ViewLevel view = part_of(whole, part);
-  const std::vector<float> means = spread(picture.tau, view);
-  const std::vector<std::uint8_t> shown = showing(means, view);
-  const EdgesWithSlopes moving = edges_with_slopes(means, picture.gradient, view);
+/// What a view shows of a pose: the part of it that is compared, and edges with their changes.
+struct PoseFit::Seen {
+  const ViewLevel* whole;
+  PictureBox part;
+  ViewLevel view;
+  std::vector<std::uint8_t> shown{};
+  EdgesWithSlopes moving{};
+};
+
+std::vector<PoseFit::Seen> PoseFit::seen_from(const RigidMotion& motion, Progress& progress) const {
+  std::vector<Seen> all;
+  for (const ViewLevel& whole : views_) {
+    const PinholeCamera camera = seeing(whole.camera, motion);
+    if (!is_before(camera, scan_.geometry())) return {};
+    const PictureBox part = shown_box(whole, camera, scan_.geometry());
+    Seen& seen = all.emplace_back(Seen{.whole = &whole, .part = part, .view = part_of(whole, part)});
+    const PoseGradient picture =
+        project_with_gradient(scan_, seeing(seen.view.camera, motion), Opacity::paper(), progress);
+    ++projections_;
+    const std::vector<float> means = spread(picture.tau, seen.view);
+    seen.shown = showing(means, seen.view);
+    seen.moving = edges_with_slopes(means, picture.gradient, seen.view);
+  }
+  return all;
+}
+
+void PoseFit::add_view(const Seen& seen, double threshold, Linear& fit) const {
+  const auto& [whole, part, view, shown, moving] = seen;
   for_both([&](auto edges) {
     const std::vector<float>&f = view.edges.*edges, &m = moving.edges.*edges;
     const Normal of_f = normal_of(f, shown), of_m = normal_of(m, shown);
@@ -349,7 +371,7 @@ void PoseFit::add_view(const ViewLevel& whole, const PictureBox& part, const Pos
     slope_mean /= count;
     fit.similarity += 0.5 * product / static_cast<double>(views_.size());
     const std::vector<float> gains =
-        LocalGains(whole.camera.width, whole.camera.height, part).fitted(wanted, own, shown, threshold);
+        LocalGains(whole->camera.width, whole->camera.height, part).fitted(wanted, own, shown, threshold);
     for (std::size_t i = 0; i < f.size(); ++i) {
       if (shown[i] == 0) continue;
       const double rest = wanted[i] - gains[i] * own[i];
@@ -369,20 +391,10 @@ void PoseFit::add_view(const ViewLevel& whole, const PictureBox& part, const Pos
   });
 }
 
-PoseFit::Linear PoseFit::linear_fit(const RigidMotion& motion, double threshold, Progress& progress) const {
+PoseFit::Linear PoseFit::linear_fit(std::span<const Seen> seen, double threshold) const {
   Linear fit;
-  for (const ViewLevel& view : views_) {
-    const PinholeCamera camera = seeing(view.camera, motion);
-    if (!is_before(camera, scan_.geometry())) {
-      fit.cost = std::numeric_limits<double>::infinity();
-      return fit;
-    }
-    const PictureBox part = shown_box(view, camera, scan_.geometry());
-    const PoseGradient picture =
-        project_with_gradient(scan_, seeing(camera_of(view, part), motion), Opacity::paper(), progress);
-    ++projections_;
-    add_view(view, part, picture, threshold, fit);
-  }
+  if (seen.empty()) fit.cost = std::numeric_limits<double>::infinity();
+  for (const Seen& one : seen) add_view(one, threshold, fit);
   fit.normal = fit.normal.selfadjointView<Eigen::Lower>();
   return fit;
 }
@@ -390,10 +402,11 @@ PoseFit::Linear PoseFit::linear_fit(const RigidMotion& motion, double threshold,
 PoseFit::Refined PoseFit::refine(const RigidMotion& start, int most_steps, Progress& progress) const {
   const glm::dvec3 middle = 0.5 * (scan_.geometry().lower_mm() + scan_.geometry().upper_mm());
   RigidMotion motion = start;
-  Linear fit = linear_fit(motion, std::numeric_limits<double>::infinity(), progress);
+  const std::vector<Seen> first = seen_from(motion, progress);
+  Linear fit = linear_fit(first, std::numeric_limits<double>::infinity());
   // Three times the standard deviation, by the median of the differences' sizes.
   const double threshold = 3 * 1.4826 * median_of_sizes(std::move(fit.sizes));
-  if (threshold > 0) fit = linear_fit(motion, threshold, progress);
+  if (threshold > 0) fit = linear_fit(first, threshold);
   double damping = 1e-3;
   int steps = 0;
   while (steps < most_steps && fit.count > 0 && damping < 1e6) {
@@ -406,7 +419,7 @@ PoseFit::Refined PoseFit::refine(const RigidMotion& start, int most_steps, Progr
     // The derivatives are those by source and detector, which move against the scan.
     const RigidMotion trial = motion.after(
         turned_and_moved({step[3], step[4], step[5]}, {step[0], step[1], step[2]}, middle).inverse());
-    Linear after = linear_fit(trial, threshold > 0 ? threshold : 1, progress);
+    Linear after = linear_fit(seen_from(trial, progress), threshold > 0 ? threshold : 1);
     const bool is_better = after.cost < fit.cost;
     const double gain = is_better ? 1 - after.cost / fit.cost : 0;
     if (is_better) {

@@ -49,10 +49,12 @@ class PoseFit {
   std::int64_t projections() const { return projections_; }  ///< so far, those with derivatives included
 
  private:
+  struct Seen;
   struct Linear;
-  Linear linear_fit(const RigidMotion& motion, double threshold, Progress& progress) const;
-  void add_view(const ViewLevel& whole, const PictureBox& part, const PoseGradient& picture, double threshold,
-                Linear& fit) const;
+  /// One a view; none where the scan lies behind a camera.
+  std::vector<Seen> seen_from(const RigidMotion& motion, Progress& progress) const;
+  Linear linear_fit(std::span<const Seen> seen, double threshold) const;
+  void add_view(const Seen& seen, double threshold, Linear& fit) const;
 
   const ResidentScan& scan_;
   std::span<const ViewLevel> views_;

@@ -290,19 +290,19 @@ void Registrar::choose_tones(Prepared& views, const RigidMotion& motion) const {
   }
 }
 
-Registration Registrar::refined(Prepared& views, std::span<const RigidMotion> starts, std::size_t first_level,
+Registration Registrar::refined(Prepared& views, std::span<const RigidMotion> starts, bool is_film,
                                 Progress& progress) const {
   struct Stage {
     std::size_t level;
     int kept, steps;
   };
   // The finest level twice, so that its tone curve, and what counts as a large difference, are those of a
-  // pose nearby; a film's frame has them from the one before.
-  constexpr std::array<Stage, kLevels + 1> kStages{
-      {{0, 3, 12}, {1, 2, 12}, {2, 1, 10}, {3, 1, 8}, {3, 1, 8}}};
-  const bool is_film = first_level > 0;
-  const auto stages =
-      std::span(kStages).subspan(first_level, kStages.size() - first_level - (is_film ? 1 : 0));
+  // pose nearby. A film's frame has them from the one before, and lies near it.
+  constexpr std::array kWhole{Stage{0, 3, 12}, Stage{1, 2, 12}, Stage{2, 1, 10}, Stage{3, 1, 8},
+                              Stage{3, 1, 8}};
+  constexpr std::array kFilm{Stage{1, 1, 6}, Stage{2, 1, 5}, Stage{3, 1, 2}};
+  const std::span<const Stage> stages =
+      is_film ? std::span<const Stage>(kFilm) : std::span<const Stage>(kWhole);
   std::vector<Candidate> candidates;
   for (const RigidMotion& start : starts) candidates.push_back({start, 0});
   progress.begin("refining", std::ssize(stages), "levels");
@@ -382,7 +382,7 @@ Registration Registrar::find(std::span<const Xray> xrays, const RigidMotion& sta
   std::vector<RigidMotion> starts{start};
   if (searches) starts = searched(views, start, progress);
   choose_tones(views, starts.front());
-  Registration found = refined(views, starts, 0, progress);
+  Registration found = refined(views, starts, false, progress);
   found.seconds = 1e-3 * stopwatch.ms();
   return found;
 }
@@ -394,7 +394,7 @@ Registration Registrar::follow(std::span<const Xray> xrays, const Registration& 
     views.tones[v] = last.views[v].tone;
     views.curves[v] = last.views[v].curve;
   }
-  Registration found = refined(views, std::span(&last.motion, 1), 1, progress);
+  Registration found = refined(views, std::span(&last.motion, 1), true, progress);
   constexpr double kLeastShare = 0.7;  // of the similarity before; below, the pose was lost
   const auto sum = [](const Registration& pose) {
     double similarities = 0;
