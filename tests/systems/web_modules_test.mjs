@@ -41,6 +41,7 @@ const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
 const { LastLoads } = await module_of("live.ts");
 const { Recording } = await module_of("recording.ts");
+const { figures_of } = await module_of("report.ts");
 const { held_on } = await module_of("gamepad.ts");
 const { LastTraces, breath_of } = await module_of("live_body.ts");
 
@@ -303,6 +304,13 @@ test("a run is recorded as a script", () => {
   assert.deepEqual(rows.map((row) => row.split(",").slice(0, 2).map(Number)), [[0, 0], [0.3, 0], [0.4, 2], [0.5, 3], [0.8, 3], [0.9, 5]]);
   recording.clear();
   assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg\n");
+});
+
+test("figures have names and units", () => {
+  const numbers = [12, 3, 100, Math.PI, 2, 0.5, 0.25, 0.002, 0.4, 0.01, 1, 40, 0, 0, 0, 0, 0, 0, 0, 0], { instruments, ...run } = figures_of(numbers, { fluoroscopy_s: 4, injected_ml: 5 });
+  assert.deepEqual(run, { time_s: 12, idle_s: 3, fluoroscopy_s: 4, injected_ml: 5 });
+  assert.deepEqual(instruments[0], { tip_path_mm: 100, turned_deg: 180, reversals: 2, largest_force_N: 0.5, mean_force_N: 0.25, largest_torque_mNm: 2, largest_wall_force_N: 0.4, wall_impulse_Ns: 0.01, exchanges: 1 });
+  assert.deepEqual([instruments.length, instruments[1].tip_path_mm], [2, 40]);
 });
 
 test("a gamepad's stick has a dead zone", () => {

@@ -123,6 +123,9 @@ browser_test("a run that is saved is one that simulate repeats", async (t) => {
   await page.keyboard.up("ArrowRight");
   await wait(1500);
   const shown_mm = Number((await page.$eval("#live-readout", (readout) => readout.textContent)).match(/(-?\d+) mm/)[1]);
+  await page.click("#report summary");
+  await reads(page, "#report-table", /path of the tip[6-9]\d mm.*reversals0largest force at the hub0\.\d\d N/);
+  await screenshot(page, "trainer-report.png");
   await page.click("#save-run");
   writeFileSync(file("saved.csv"), await page.evaluate(() => globalThis.saved[0].text()));
   run("simulate", file("truth"), "--device-model", "cobra-5f", "--script", file("saved.csv"), "-o", file("log.csv"));

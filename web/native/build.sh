@@ -17,6 +17,7 @@ sources="
   simulation/xraycast/coaxial/rod_curve
   simulation/xraycast/simulation/agent_outlet simulation/xraycast/simulation/cardiac_waveform
   simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/laminar_vessel
+  simulation/xraycast/simulation/run_report
   simulation/xraycast/haptics/hub_couplings simulation/xraycast/haptics/virtual_coupling
   viewer/xraycast/scene/contrast_surface viewer/xraycast/scene/instrument_curve
   viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/trainer viewer/xraycast/trainer/trainer_setup

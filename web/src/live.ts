@@ -9,6 +9,7 @@ import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
 import { Recording } from "./recording";
+import { Report, figures_of } from "./report";
 import { save_file } from "./saved_file";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
@@ -105,7 +106,9 @@ export class LiveView {
   }
 
   private simulate(trainer: Trainer, names: string[]): SessionLink {
+    const report = new Report(names, (text) => save_file(new Blob([text], { type: "application/json" }), "report.json"));
     return new TrainerLink(trainer, {
+      figures: (numbers) => this.newest && report.told(figures_of(numbers, this.newest)),
       told: (message) => this.told(message), has_role: (role) => this.has_role(role), refused: (why) => this.notes.tell(`${why}.`),
       exchanged: (instrument, choice) => {
         this.live.instruments[instrument] = trainer.choices[choice]!;

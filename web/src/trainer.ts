@@ -9,6 +9,7 @@ export interface TrainerListener extends LinkListener {
   exchanged(instrument: number, choice: number): void;
   refused(why: string): void;
   failed(why: string): void;
+  figures(numbers: Float64Array): void;
 }
 
 // Modules of a function each: one has vectors, the other catches exceptions. The simulation has both.
@@ -44,6 +45,8 @@ export class TrainerLink implements SessionLink {
     if (message instanceof ArrayBuffer) {
       this.post("read");
       this.listener.told(message);
+    } else if ("figures" in message) {
+      this.listener.figures(message.figures);
     } else if ("failure" in message) {
       this.listener.failed(this.named(message.failure));
     } else {
