@@ -68,7 +68,7 @@ export class Report {
     this.table.replaceChildren(
       row("td", "time", `${fixed(time_s, 0)} s`), row("td", "idle", `${fixed(idle_s, 0)} s`), row("td", "fluoroscopy", `${fixed(fluoroscopy_s, 0)} s`),
       row("td", "contrast agent", `${fixed(injected_ml, 0)} ml`), row("th", "", ...this.names),
-      ...kFigures.map(({ name, words, unit, digits }) => row("td", words, ...instruments.map((figures) => `${fixed(figures[name]!, digits)} ${unit}`.trim()))),
+      ...kFigures.map(({ name, words, unit, digits }) => row("td", words, ...instruments.map((figures) => `${fixed(figures[name]!, digits)}${unit === "°" ? "" : " "}${unit}`.trim()))),
     );
   }
 }
