@@ -40,6 +40,9 @@ const { message_of } = await module_of("live_message.ts");
 const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
 const { LastLoads } = await module_of("live.ts");
+const { Recording } = await module_of("recording.ts");
+const { figures_of } = await module_of("report.ts");
+const { held_on } = await module_of("gamepad.ts");
 const { LastTraces, breath_of } = await module_of("live_body.ts");
 
 const kRun = { pictures: 151, step_s: 1 / 15, instruments: [] };
@@ -290,6 +293,31 @@ test("a line is at the phase of a gate, which another mode does not have", () =>
   log.add(() => [0.5, 0.25], 0);
   const { modes, exposures_s } = log.shown((m) => ({ name: "ab"[m], is_held: m === 1, gate: m === 0 ? 0.75 : null }));
   assert.deepEqual([modes[0].gate, modes[1].gate, modes[1].is_held, modes[0].values.at(-1), exposures_s], [0.75, null, true, 0.5, []]);
+});
+
+test("a run is recorded as a script", () => {
+  const recording = new Recording(), at = (time_s, ...poses) => ({ time_s, instruments: poses.map(([insertion_mm, rotation_deg]) => ({ insertion_mm, rotation_deg })) });
+  for (const [k, mm] of [0, 0, 0, 0, 2, 3, 3, 3, 3, 5].entries()) recording.add(at(7 + 0.1 * k, [mm, -1], [0, 0]));
+  recording.add(at(7.2, [4, 0], [0, 0])); // late
+  const [names, ...rows] = recording.csv().trim().split("\n");
+  assert.equal(names, "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg");
+  assert.deepEqual(rows.map((row) => row.split(",").slice(0, 2).map(Number)), [[0, 0], [0.3, 0], [0.4, 2], [0.5, 3], [0.8, 3], [0.9, 5]]);
+  recording.clear();
+  assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg\n");
+});
+
+test("figures have names and units", () => {
+  const numbers = [12, 3, 100, Math.PI, 2, 0.5, 0.25, 0.002, 0.4, 0.01, 1, 40, 0, 0, 0, 0, 0, 0, 0, 0], { instruments, ...run } = figures_of(numbers, { fluoroscopy_s: 4, injected_ml: 5 });
+  assert.deepEqual(run, { time_s: 12, idle_s: 3, fluoroscopy_s: 4, injected_ml: 5 });
+  assert.deepEqual(instruments[0], { tip_path_mm: 100, turned_deg: 180, reversals: 2, largest_force_N: 0.5, mean_force_N: 0.25, largest_torque_mNm: 2, largest_wall_force_N: 0.4, wall_impulse_Ns: 0.01, exchanges: 1 });
+  assert.deepEqual([instruments.length, instruments[1].tip_path_mm], [2, 40]);
+});
+
+test("a gamepad's stick has a dead zone", () => {
+  const pad = (x, y, ...pressed) => held_on({ axes: [x, y], buttons: Array.from({ length: 4 }, (_, b) => ({ pressed: pressed.includes(b) })) });
+  assert.deepEqual(pad(0.1, -0.15), { push: 0, turn: 0, pedal: false, inject: false });
+  assert.deepEqual(pad(1, -1, 0), { push: 1, turn: 1, pedal: true, inject: false });
+  assert.deepEqual(pad(0, 1, 1), { push: -1, turn: 0, pedal: false, inject: true });
 });
 
 test("contrast agent moves with the body", () => {

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Compiles the simulation to WebAssembly by Debian's emscripten, and writes it deflated, in base64: `build.sh FILE [FOLDER]`, where
-# FOLDER takes objects (default: build/wasm). The same sources as the program's, with the same arithmetic: no products are fused.
+# FOLDER takes objects (default: build/wasm). The same sources as the program's, with the same arithmetic, four numbers at once as in the program: no products are fused.
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
 file=$1
@@ -17,6 +17,7 @@ sources="
   simulation/xraycast/coaxial/rod_curve
   simulation/xraycast/simulation/agent_outlet simulation/xraycast/simulation/cardiac_waveform
   simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/laminar_vessel
+  simulation/xraycast/simulation/run_report
   simulation/xraycast/haptics/hub_couplings simulation/xraycast/haptics/virtual_coupling
   viewer/xraycast/scene/contrast_surface viewer/xraycast/scene/instrument_curve
   viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/trainer viewer/xraycast/trainer/trainer_setup
@@ -24,7 +25,7 @@ sources="
 mkdir -p "$folder/include"
 # Debian's header-only libraries, without its C library beside them.
 for library in fmt glm nlohmann; do ln -sfn "/usr/include/$library" "$folder/include/$library"; done
-flags="-std=c++20 -O2 -flto -DNDEBUG -DFMT_HEADER_ONLY -ffp-contract=off -fno-math-errno -fwasm-exceptions -Wno-psabi"
+flags="-std=c++20 -O2 -msimd128 -flto -DNDEBUG -DFMT_HEADER_ONLY -ffp-contract=off -fno-math-errno -fwasm-exceptions -Wno-psabi"
 cd "$root"
 for source in $sources; do echo "$source"; done | xargs -P "$(nproc)" -I{} sh -c '
   object=$1/$(echo "$2" | tr / _).o

@@ -8,6 +8,9 @@ import { surfaces_of } from "./instrument_shape";
 import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
+import { Recording } from "./recording";
+import { Report, figures_of } from "./report";
+import { save_file } from "./saved_file";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
@@ -65,6 +68,7 @@ export class LiveView {
   private readonly chart: LoadChart;
   private readonly body: BodyControls | null;
   private readonly loads: LastLoads;
+  private readonly recording = new Recording();
   private readonly steering: Steering;
   private readonly exchange: Exchange | null;
   private readonly connection: SessionLink | null;
@@ -74,11 +78,13 @@ export class LiveView {
   private held_hub = -1;
   private shown_ms = -Infinity;
   private is_due = false;
+  private is_new_here = false; // whoever steers, and is told how
 
   constructor(private readonly live: Live, private readonly trainer: Trainer | null, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
     private readonly stage: HTMLElement, private readonly redraw: () => void) {
     const names = live.instruments.map(({ name }) => name);
-    for (const id of ["live", "live-keys"]) element(id).hidden = false;
+    for (const id of ["live", "live-keys", "save-run"]) element(id).hidden = false;
+    element("save-run").addEventListener("click", () => save_file(new Blob([this.recording.csv()], { type: "text/csv" }), "run.csv"));
     this.show_keys(false);
     this.loads = new LastLoads(names);
     this.chart = new LoadChart(names, (hub) => this.loads.of(hub));
@@ -100,11 +106,14 @@ export class LiveView {
   }
 
   private simulate(trainer: Trainer, names: string[]): SessionLink {
+    const report = new Report(names, (text) => save_file(new Blob([text], { type: "application/json" }), "report.json"));
     return new TrainerLink(trainer, {
+      figures: (numbers) => this.newest && report.told(figures_of(numbers, this.newest)),
       told: (message) => this.told(message), has_role: (role) => this.has_role(role), refused: (why) => this.notes.tell(`${why}.`),
       exchanged: (instrument, choice) => {
         this.live.instruments[instrument] = trainer.choices[choice]!;
         names[instrument] = trainer.choices[choice]!.name;
+        this.recording.clear();
         this.exchange!.took(instrument, choice);
         this.chart.rename(instrument, names[instrument]!);
       },
@@ -121,7 +130,12 @@ export class LiveView {
     } catch (error) {
       return this.notes.state((error as Error).message);
     }
+    if (this.newest.exposes && this.is_new_here) {
+      this.is_new_here = false;
+      this.notes.state("");
+    }
     this.loads.add(this.newest);
+    this.recording.add(this.newest);
     if (this.newest.body) this.body?.told(this.newest.body);
     if (this.is_due) return;
     this.is_due = true; // messages that come while a picture is drawn are passed over
@@ -189,6 +203,10 @@ export class LiveView {
     const others = browsers > 1 ? `; ${browsers} browsers are connected` : "";
     element("live-role").textContent = (steers ? this.live.has_hub ? "You steer" : "You have pedal and injector" : "You watch; another browser steers") + others;
     for (const button of element("live").querySelectorAll<HTMLButtonElement | HTMLSelectElement>("button, select")) button.disabled = !steers;
+    if (this.trainer) {
+      this.is_new_here = true;
+      this.notes.state(matchMedia("(pointer: coarse)").matches ? "Tap Fluoroscopy to see, and hold Push to advance." : "Hold X to see, ↑ to advance and I to inject; the other keys are under Help.");
+    }
     if (steers && document.activeElement === document.body) this.stage.focus({ preventScroll: true }); // Tab holds the next instrument
     this.send();
   }

@@ -5,6 +5,7 @@ import { Header, SessionData, session_of } from "./data";
 import { shown_time_s } from "./instrument_shape";
 import { MotionPlayer, RunTraces } from "./motion_player";
 import { RunPlayer } from "./run_player";
+import { save_file } from "./saved_file";
 import { Actions, PictureControls } from "./picture_controls";
 import { LiveView } from "./live";
 import { draw_overlay } from "./overlay";
@@ -229,13 +230,7 @@ class Page {
     Object.assign(whole, { width: canvas.width, height: canvas.height });
     context.drawImage(canvas, 0, 0);
     context.drawImage(overlay, 0, 0);
-    whole.toBlob((blob) => {
-      const link = document.createElement("a");
-      link.href = URL.createObjectURL(blob!);
-      link.download = `${this.shown_angles.replace(/[^A-Za-z0-9.]+/g, "-").toLowerCase()}.png`;
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-    }, "image/png");
+    whole.toBlob((blob) => save_file(blob!, `${this.shown_angles.replace(/[^A-Za-z0-9.]+/g, "-").toLowerCase()}.png`), "image/png");
   }
 
   private lose(event: Event): void {
@@ -271,7 +266,7 @@ async function open(): Promise<void> {
   const picture = Picture.on(canvas, data);
   if (!picture) return notes.state("This browser has no WebGL 2, so this is a still picture.");
   new Page(data, store, picture);
-  if (header.trainer && !data.trainer) notes.state(`This browser has no WebAssembly, so nothing can be steered${data.run ? "; the run can be played" : ""}.`);
+  if (header.trainer && !data.trainer) notes.state(`This browser has no WebAssembly with vectors and exceptions, so nothing can be steered${data.run ? "; the run can be played" : ""}.`);
 }
 
 open().catch((error: Error) => notes.state(`This is a still picture: ${error.message}.`));

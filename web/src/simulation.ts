@@ -11,6 +11,7 @@ interface Exports {
   trainer_exchange(instrument: number, choice: number): number;
   trainer_advance(steps: number): void;
   trainer_follow(): void;
+  trainer_figures(): number;
   trainer_message(): number;
   trainer_message_size(): number;
 }
@@ -73,6 +74,12 @@ export class Simulation {
     this.calls.trainer_follow();
     const at = this.calls.trainer_room(5 * instruments);
     return new Float64Array(this.calls.memory.buffer, at, 5 * instruments).slice();
+  }
+
+  /** What the instruments did so far; see report.ts. */
+  figures(): Float64Array {
+    const count = this.calls.trainer_figures();
+    return new Float64Array(this.calls.memory.buffer, this.calls.trainer_room(count), count).slice();
   }
 
   /** As a server's; see live_message.ts. */

@@ -9,10 +9,16 @@ export interface TrainerListener extends LinkListener {
   exchanged(instrument: number, choice: number): void;
   refused(why: string): void;
   failed(why: string): void;
+  figures(numbers: Float64Array): void;
 }
 
+// Modules of a function each: one has vectors, the other catches exceptions. The simulation has both.
+const kVectors = [0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253, 98, 11];
+const kExceptions = [0, 97, 115, 109, 1, 0, 0, 0, 1, 4, 1, 96, 0, 0, 3, 2, 1, 0, 10, 8, 1, 6, 0, 6, 64, 25, 11, 11];
+
 /** Whether this browser can have one. */
-export const can_simulate = (): boolean => typeof WebAssembly === "object" && typeof Worker === "function";
+export const can_simulate = (): boolean =>
+  typeof WebAssembly === "object" && typeof Worker === "function" && [kVectors, kExceptions].every((module) => WebAssembly.validate(Uint8Array.from(module)));
 
 export class TrainerLink implements SessionLink {
   private readonly worker: Worker;
@@ -39,6 +45,8 @@ export class TrainerLink implements SessionLink {
     if (message instanceof ArrayBuffer) {
       this.post("read");
       this.listener.told(message);
+    } else if ("figures" in message) {
+      this.listener.figures(message.figures);
     } else if ("failure" in message) {
       this.listener.failed(this.named(message.failure));
     } else {

@@ -15,16 +15,17 @@ export interface Order extends HandHolds {
 }
 export type ToWorker = Start | Order | "read";
 
-/** A message of the simulation, what became of an exchange, or why it ended. */
-export type FromWorker = ArrayBuffer | { exchanged: { instrument: number; choice: number; refusal: string | null } } | { failure: string };
+/** A message of the simulation, what its instruments did so far, what became of an exchange, or why it ended. */
+export type FromWorker = ArrayBuffer | { figures: Float64Array } | { exchanged: { instrument: number; choice: number; refusal: string | null } } | { failure: string };
 
 const kWait_ms = 2, kMessages_ms = 1000 / 30; // at least between two of them
+const kFigures_ms = 500; // between reports
 const kMostLate_ms = 100; // after which the clock is reset, as of a machine that was suspended
 const kMostSteps = 20; // before messages are read
 
 const scope = self as unknown as { postMessage(message: FromWorker, transfer?: Transferable[]): void };
 let simulation: Simulation | null = null, is_read = true;
-let stepped_ms = 0, told_ms = -Infinity;
+let stepped_ms = 0, told_ms = -Infinity, reported_ms = -Infinity;
 
 function tick(): void {
   const now_ms = performance.now();
@@ -37,6 +38,10 @@ function tick(): void {
     is_read = false;
     const message = simulation!.message();
     scope.postMessage(message, [message]);
+    if (now_ms - reported_ms >= kFigures_ms) {
+      reported_ms = now_ms;
+      scope.postMessage({ figures: simulation!.figures() });
+    }
   }
   setTimeout(guarded, steps === kMostSteps ? 0 : kWait_ms);
 }

@@ -27,7 +27,8 @@ Trainer::Trainer(TrainerSetup setup)
       instruments_(*setup_.tree, setup_.instruments(), setup_.entry),
       couplings_(device_, max_insertions_mm(setup_.instruments())),
       bolus_(*setup_.tree),
-      contrast_(*setup_.tree, kAnyAttenuation_per_mm) {
+      contrast_(*setup_.tree, kAnyAttenuation_per_mm),
+      report_(instruments_) {
   message_.instruments.resize(instruments_.count());
 }
 
@@ -42,6 +43,7 @@ void Trainer::exchange(std::size_t instrument, std::size_t choice) {
     throw InputError("there is no instrument {} or {}", instrument, choice);
   instruments_.exchange(instrument, setup_.choices[choice]);
   setup_.used[instrument] = choice;
+  report_.exchanged(instrument, instruments_);
   couplings_.replace(instrument, {}, instruments_.max_insertion_mm(instrument));
 }
 
@@ -57,11 +59,13 @@ void Trainer::advance(int steps) {
       loads[d] = instruments_.load(d);
     }
     instruments_.step(couplings_.step({poses.data(), count}, {loads.data(), count}, instruments_.step_s()));
+    report_.add(instruments_);
   }
 }
 
 void Trainer::follow(std::span<const HubPose> poses) {
   instruments_.step(poses);
+  report_.add(instruments_);
   for (std::size_t d = 0; d < poses.size(); ++d)
     couplings_.replace(d, instruments_.pose(d), instruments_.max_insertion_mm(d));
 }

@@ -5,6 +5,7 @@
 #include "xraycast/haptics/manual_device.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
+#include "xraycast/simulation/run_report.hpp"
 #include "xraycast/trainer/browser_message.hpp"
 #include "xraycast/trainer/trainer_setup.hpp"
 
@@ -45,6 +46,7 @@ class Trainer {
   std::string message();
 
   const Instruments& instruments() const { return instruments_; }
+  const RunFigures& figures() const { return report_.figures(); }  ///< so far
 
  private:
   void let_flow();
@@ -56,6 +58,7 @@ class Trainer {
   HubCouplings couplings_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
+  RunReport report_;
   TrainerHand hand_;
   double told_s_ = 0;  ///< when the last message was
   BrowserMessage message_;
