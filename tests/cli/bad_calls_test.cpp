@@ -125,7 +125,7 @@ const BadCall kBadCalls[] = {
      "--entry 7,8: must be", make_push_and_tree},
     {"SimulateEntryOfAWord",
      "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry femoral", 3,
-     "--entry femoral: must be a branch's number, as in the report.png of `xraycast segment`, or X,Y,Z in mm",
+     "--entry femoral: no branch of the tree has this name; its branches have no names; give a number",
      make_push_and_tree},
     {"SimulateInNoVessels", "simulate @/vessels --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
      "vessels: no such file or folder; check its name", make_push},

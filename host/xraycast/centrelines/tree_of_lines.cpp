@@ -5,6 +5,7 @@
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/union_find.hpp"
 #include "xraycast/centrelines/joined_lines.hpp"
+#include "xraycast/centrelines/line_names.hpp"
 
 #include <glm/geometric.hpp>
 
@@ -226,7 +227,7 @@ class TreeGrowth {
 
   // ---- branches -----------------------------------------------------------------------------------------
 
-  std::vector<VesselBranch> branches_from(int root) const {
+  std::vector<VesselBranch> branches_from(int root) {
     struct Start {
       int node, chain, parent;
     };
@@ -273,8 +274,11 @@ class TreeGrowth {
 
 TreeOfLines tree_of_lines(const std::vector<CentrelineLine>& lines, const std::string& name,
                           const TreeOfLinesOptions& options) {
-  return with_remedy(name, "correct the centrelines",
-                     [&] { return TreeGrowth(joined_lines(lines, name), name).grow(options); });
+  return with_remedy(name, "correct the centrelines", [&] {
+    TreeOfLines found = TreeGrowth(joined_lines(lines, name), name).grow(options);
+    found.tree = with_names_of_lines(found.tree, lines);
+    return found;
+  });
 }
 
 }  // namespace xraycast

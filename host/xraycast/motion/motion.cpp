@@ -101,7 +101,8 @@ std::vector<HeldMotion::Part> parts_of(const MotionMode& mode, double phase) {
   for (std::size_t k = 0; k < weights.size(); ++k) {
     const auto& moves = mode.keys[k].moves;
     if (!moves || weights[k] == 0) continue;
-    const auto same = std::ranges::find(parts, moves, &HeldMotion::Part::moves);
+    const auto same = std::find_if(parts.begin(), parts.end(),
+                                   [&](const HeldMotion::Part& part) { return part.moves == moves; });
     if (same == parts.end())
       parts.push_back({weights[k], moves});
     else
@@ -127,7 +128,7 @@ glm::dvec3 HeldMotion::displacement_mm(const glm::dvec3& x_mm) const {
 void HeldMotion::displace(std::span<glm::dvec3> x_mm) const {
   std::vector<glm::dvec3> sum_mm(x_mm.size());
   for (const std::vector<Part>& mode : modes_) {
-    std::ranges::fill(sum_mm, glm::dvec3(0));
+    std::fill(sum_mm.begin(), sum_mm.end(), glm::dvec3(0));
     for (const Part& part : mode) part.moves->add(x_mm, part.weight, sum_mm);
     for (std::size_t i = 0; i < x_mm.size(); ++i) x_mm[i] += sum_mm[i];
   }
