@@ -1,6 +1,6 @@
-#include "map_output.hpp"
 #include "options/attenuation_options.hpp"
 #include "options/command.hpp"
+#include "options/map_output.hpp"
 #include "options/motion_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"

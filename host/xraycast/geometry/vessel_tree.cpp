@@ -63,7 +63,7 @@ int link(std::vector<VesselBranch>& branches, const std::string& name) {
     reached[i] = true;
     waiting.insert(waiting.end(), branches[i].children.begin(), branches[i].children.end());
   }
-  if (const auto lost = std::ranges::find(reached, false); lost != reached.end())
+  if (const auto lost = std::find(reached.begin(), reached.end(), false); lost != reached.end())
     throw InputError("{}: branch {}: its parents form a cycle", name, lost - reached.begin());
   return root;
 }
@@ -267,7 +267,8 @@ std::vector<VesselBranch> read_json(const std::filesystem::path& path) {
     if (!points.is_array()) throw InputError("{}: \"points\" is not a list", field);
     for (const nlohmann::json& point : points) {
       if (!point.is_array() || point.size() != 4 ||
-          !std::ranges::all_of(point, [](const nlohmann::json& number) { return number.is_number(); }))
+          !std::all_of(point.begin(), point.end(),
+                       [](const nlohmann::json& number) { return number.is_number(); }))
         throw InputError("{}: \"points\": a point is [x, y, z, radius], not {}", field,
                          excerpt(point.dump()));
       const auto number = [&point](std::size_t i) { return point[i].get<double>(); };

@@ -101,7 +101,8 @@ std::vector<HeldMotion::Part> parts_of(const MotionMode& mode, double phase) {
   for (std::size_t k = 0; k < weights.size(); ++k) {
     const auto& moves = mode.keys[k].moves;
     if (!moves || weights[k] == 0) continue;
-    const auto same = std::ranges::find(parts, moves, &HeldMotion::Part::moves);
+    const auto same = std::find_if(parts.begin(), parts.end(),
+                                   [&](const HeldMotion::Part& part) { return part.moves == moves; });
     if (same == parts.end())
       parts.push_back({weights[k], moves});
     else
@@ -127,7 +128,7 @@ glm::dvec3 HeldMotion::displacement_mm(const glm::dvec3& x_mm) const {
 void HeldMotion::displace(std::span<glm::dvec3> x_mm) const {
   std::vector<glm::dvec3> sum_mm(x_mm.size());
   for (const std::vector<Part>& mode : modes_) {
-    std::ranges::fill(sum_mm, glm::dvec3(0));
+    std::fill(sum_mm.begin(), sum_mm.end(), glm::dvec3(0));
     for (const Part& part : mode) part.moves->add(x_mm, part.weight, sum_mm);
     for (std::size_t i = 0; i < x_mm.size(); ++i) x_mm[i] += sum_mm[i];
   }
@@ -210,7 +211,7 @@ std::vector<double> Motion::phases_of(const std::map<std::string, double>& named
       throw InputError("`phase` {}={}: must be 0 to 1", mode.name, phases.back());
   }
   for (const auto& [mode, phase] : named)
-    if (std::ranges::find(names, mode) == names.end())
+    if (std::find(names.begin(), names.end(), mode) == names.end())
       throw InputError("`phase` {}={}: {} has no such mode; choose one of {}", excerpt(mode), phase, name_,
                        fmt::join(names, ", "));
   return phases;

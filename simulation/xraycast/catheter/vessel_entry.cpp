@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
 namespace xraycast {
 namespace {
@@ -26,6 +25,8 @@ Vector3d outward_direction(const VesselBranch& branch, bool at_start) {
   return to_eigen(end.position_mm - inner(k).position_mm).normalized();
 }
 
+bool is_lower(const VesselEnd& a, const VesselEnd& b) { return a.position_mm.z() < b.position_mm.z(); }
+
 bool fits(const VesselEnd& entry, const InstrumentModel& instrument) {
   return entry.radius_mm > instrument.radius_mm();
 }
@@ -34,12 +35,13 @@ bool fits(const VesselEnd& entry, const InstrumentModel& instrument) {
 std::vector<VesselEnd> ends_for(const VesselTree& tree, const InstrumentModel& instrument) {
   std::vector<VesselEnd> ends = vessel_ends(tree);
   std::erase_if(ends, [&](const VesselEnd& end) { return !fits(end, instrument); });
-  std::ranges::stable_sort(ends, std::ranges::greater{}, &VesselEnd::radius_mm);
+  std::stable_sort(ends.begin(), ends.end(),
+                   [](const VesselEnd& a, const VesselEnd& b) { return a.radius_mm > b.radius_mm; });
   return ends;
 }
 
 const VesselEnd& most_inferior(const std::vector<VesselEnd>& ends) {
-  return *std::ranges::min_element(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
+  return *std::min_element(ends.begin(), ends.end(), is_lower);
 }
 
 VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& name) {
@@ -57,8 +59,9 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 VesselEnd end_named(const VesselTree& tree, const std::string& vessel, const std::string& name) {
   const std::vector<int> branches = branches_named(tree, vessel, name);
   std::vector<VesselEnd> ends = vessel_ends(tree);
-  std::erase_if(ends,
-                [&](const VesselEnd& end) { return !std::ranges::binary_search(branches, end.branch); });
+  std::erase_if(ends, [&](const VesselEnd& end) {
+    return !std::binary_search(branches.begin(), branches.end(), end.branch);
+  });
   if (ends.empty())
     throw InputError("{}: this vessel goes on in others at its end; choose one that ends", name);
   if (ends.size() > 1 && ends.front().branch != ends.back().branch)
@@ -100,8 +103,9 @@ VesselEnd most_inferior_end(const VesselTree& tree) { return most_inferior(vesse
 
 VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm) {
   const std::vector<VesselEnd> ends = vessel_ends(tree);
-  return *std::ranges::min_element(
-      ends, {}, [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); });
+  const auto away_mm = [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); };
+  return *std::min_element(ends.begin(), ends.end(),
+                           [&](const VesselEnd& a, const VesselEnd& b) { return away_mm(a) < away_mm(b); });
 }
 
 VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const InstrumentModel& instrument) {
@@ -124,7 +128,7 @@ std::vector<VesselEnd> equally_low_ends(const VesselTree& tree, const VesselEnd&
     const bool is_entry = end.branch == entry.branch && end.at_start == entry.at_start;
     return is_entry || end.position_mm.z() > entry.position_mm.z() + kEquallyLow_mm;
   });
-  std::ranges::stable_sort(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
+  std::stable_sort(ends.begin(), ends.end(), is_lower);
   return ends;
 }
 
