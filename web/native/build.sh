@@ -7,7 +7,7 @@ file=$1
 folder=${2:-$root/build/wasm}
 sources="
   host/xraycast/base/plain_text host/xraycast/base/pluralize host/xraycast/base/printable
-  host/xraycast/geometry/nurbs_curve host/xraycast/geometry/segment_index host/xraycast/geometry/tube host/xraycast/geometry/vessel_tree
+  host/xraycast/geometry/branch_names host/xraycast/geometry/nurbs_curve host/xraycast/geometry/segment_index host/xraycast/geometry/tube host/xraycast/geometry/vessel_tree
   host/xraycast/motion/motion host/xraycast/motion/motion_mode
   simulation/xraycast/mechanics/block_band_matrix simulation/xraycast/mechanics/instrument_model simulation/xraycast/mechanics/rod
   simulation/xraycast/mechanics/rod_derivatives simulation/xraycast/mechanics/rod_system

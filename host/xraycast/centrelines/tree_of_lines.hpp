@@ -20,6 +20,7 @@ struct TreeOfLinesOptions {
 /// A tree, and what was done to lines to make one of them.
 struct TreeOfLines {
   VesselTree tree;
+  std::vector<int> loops = {};  ///< branches that end where a loop was cut
   int loops_cut = 0;
   int doubled_points = 0;
   int components_left_out = 0;

@@ -21,7 +21,7 @@ constexpr std::size_t kLongestName = 80;
 /// As names are compared.
 std::string plain_name(std::string_view name) {
   std::string plain = lower_case(trimmed(name));
-  std::ranges::replace(plain, '_', ' ');
+  std::replace(plain.begin(), plain.end(), '_', ' ');
   return plain;
 }
 
@@ -39,7 +39,8 @@ std::string names_in(const VesselTree& tree) {
 
 std::size_t branch_at(const VesselTree& tree, const nlohmann::json& at_mm, const std::string& field) {
   if (!at_mm.is_array() || at_mm.size() != 3 ||
-      !std::ranges::all_of(at_mm, [](const nlohmann::json& number) { return number.is_number(); }))
+      !std::all_of(at_mm.begin(), at_mm.end(),
+                   [](const nlohmann::json& number) { return number.is_number(); }))
     throw InputError("{}: \"at_mm\" is [x, y, z], not {}", field, excerpt(at_mm.dump()));
   const VesselTree::Location place =
       tree.nearest({at_mm[0].get<double>(), at_mm[1].get<double>(), at_mm[2].get<double>()});
@@ -86,7 +87,7 @@ std::string vessel_name_of(std::string_view text) {
   const std::string line = printable_line(text);
   std::string name(trimmed(line));
   const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c < 0; };
-  if (std::ranges::none_of(name, is_letter)) return {};
+  if (std::none_of(name.begin(), name.end(), is_letter)) return {};
   std::size_t end = std::min(name.size(), kLongestName);
   while (end < name.size() && (name[end] & 0xC0) == 0x80) --end;  // within a letter of UTF-8
   return name.substr(0, end);

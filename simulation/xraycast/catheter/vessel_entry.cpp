@@ -59,8 +59,9 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 VesselEnd end_named(const VesselTree& tree, const std::string& vessel, const std::string& name) {
   const std::vector<int> branches = branches_named(tree, vessel, name);
   std::vector<VesselEnd> ends = vessel_ends(tree);
-  std::erase_if(ends,
-                [&](const VesselEnd& end) { return !std::ranges::binary_search(branches, end.branch); });
+  std::erase_if(ends, [&](const VesselEnd& end) {
+    return !std::binary_search(branches.begin(), branches.end(), end.branch);
+  });
   if (ends.empty())
     throw InputError("{}: this vessel goes on in others at its end; choose one that ends", name);
   if (ends.size() > 1 && ends.front().branch != ends.back().branch)
