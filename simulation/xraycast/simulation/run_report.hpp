@@ -9,7 +9,7 @@
 
 namespace xraycast {
 
-/// What one instrument did in a run so far (docs/exercises.md).
+/// What one instrument did in a run so far (docs/web.md).
 struct InstrumentFigures {
   double path_mm = 0;          ///< of the tip
   double turned_rad = 0;       ///< of the hub, either way
