@@ -186,7 +186,8 @@ browser_test("contrast agent is seen where it flows", async (t) => {
 
 browser_test("fingers steer at 360 pixels of width", async () => {
   const session = await serve(...kPair), opened = await open(session.address, { width: 360, height: 740, touch: true }), { page } = opened;
-  assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 360);
+  // Nothing hangs over at the side; a bar to scroll down by may take a part of the width.
+  assert.equal(await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth), 0);
   const hands = await page.createCDPSession();
   const touch = async (type, id) => {
     const { x, y } = await page.$eval(id, (button) => {
