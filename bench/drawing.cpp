@@ -35,6 +35,14 @@ std::vector<Row> add_drawing(Bench& bench) {
                                                  width, height);
     add(name, [moving] { return moving->next_ms(); });
   }
+  for (const auto& [name, live] :
+       {std::pair{"frame_fluoro_moving_1280", LivePulses{.moves = true, .turns = true}},
+        std::pair{"pulse_held_1280", LivePulses{}},
+        std::pair{"pulse_moving_1280", LivePulses{.moves = true}}}) {
+    auto pulses = std::make_shared<SteeredPulses>(bench.whole, bench.body_map(8), bench.motion, bench.keys,
+                                                  1280, 720, live);
+    add(name, [pulses] { return pulses->next_ms(); });
+  }
   constexpr double kTilt_rad = 0.35;
   auto circles = std::make_shared<Frames>(bench.scan, bench.map(8), 640, 480, false);
   add("frame_circles_8_640", [circles] { return circles->next_ms(); });
@@ -61,6 +69,8 @@ std::vector<Row> add_drawing(Bench& bench) {
           {"frame_8_640", "VTK frame", at_least, 25},
           {"frame_moving_8_640", "frame_8_640", at_most, 1.35},
           {"frame_moving_8_1280", "frame_8_1280", at_most, 1.35},
+          {"frame_fluoro_moving_1280", "paper's 16 frames/s", at_most, 1},
+          {"pulse_moving_1280", "pulse_held_1280", reported, 0},
           {"frame_circles_8_640", "frame_8_640", reported, 0},
           {"frame_8_cone_tilt_640", "frame_8_640", reported, 0},
           {"frame_rectangle_640", "frame_8_640", reported, 0},

@@ -6,17 +6,28 @@
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/motion/moving_points.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/requests/moving_caster.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/scene/pulse_blur.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <sys/wait.h>
 #include <unistd.h>
 
 namespace xraycast::bench {
+namespace {
+
+constexpr double kPulse_s = 1.0 / 15;
+
+}  // namespace
+
 struct Frames::Gl {
   Renderer renderer;
   gl::Target target{GL_RGBA8};
@@ -36,7 +47,7 @@ Frames::Frames(const ResidentScan& scan, const MapGeometry& geometry, int width,
     style_.look = Look::surface;
   }
   style_.sampling.compositing = compositing;
-  style_.pixels_per_column = 2;
+  style_.pixels_per_column = kLivePixelsPerColumn;
   gl_->target.resize(width, height);
   next_ms();  // compiles the shaders
 }
@@ -65,7 +76,6 @@ MovingFrames::MovingFrames(const SpectralScan& scan, const MapGeometry& geometry
 }
 
 double MovingFrames::next_ms() {
-  constexpr double kPulse_s = 1.0 / 15;
   const Stopwatch stopwatch;
   renderer().set_phases(rhythm_.phases_at(time_s_ += kPulse_s));
   Frames::next_ms();
@@ -133,7 +143,13 @@ FluoroscopyFrames::~FluoroscopyFrames() = default;
 double FluoroscopyFrames::next_ms() {
   const Stopwatch stopwatch;
   pose_.rotate(7);
-  const View view = view_of(pose_, bounds_, width_, height_);
+  expose(view());
+  return stopwatch.ms();
+}
+
+View FluoroscopyFrames::view() const { return view_of(pose_, bounds_, width_, height_); }
+
+void FluoroscopyFrames::expose(const View& view) {
   const FluoroscopyFrame& frame = chain_->fluoroscope.expose(renderer().tau(view, style_));
   if (chain_->subtraction)
     chain_->subtract(frame, width_, height_);
@@ -141,6 +157,85 @@ double FluoroscopyFrames::next_ms() {
     chain_->picture.set(frame.shown, width_, height_);
   chain_->picture.draw(0, 0, width_, height_);
   glFinish();
+}
+
+/// What is in the body, and moves with it.
+struct SteeredPulses::Inside {
+  Motion rhythm;
+  ContrastSurface contrast;
+  std::vector<std::vector<double>> iodine_mg_ml;
+  std::vector<InstrumentModel> instruments;
+  MovingPoints contrast_points, nodes;
+};
+
+namespace {
+
+VesselTree thorax_tree() {
+  return {make_phantom("thorax", {.coronaries = true}).vessel_branches(), "thorax"};
+}
+
+/// Along the middle of the longest vessel.
+std::vector<glm::vec3> nodes_within(const VesselTree& tree) {
+  const auto longest = std::ranges::max_element(
+      tree.branches(), {}, [](const VesselBranch& branch) { return branch.arc_length_mm.back(); });
+  std::vector<glm::vec3> nodes_mm;
+  for (const auto& point : longest->points) nodes_mm.emplace_back(point.position_mm);
+  return nodes_mm;
+}
+
+}  // namespace
+
+SteeredPulses::SteeredPulses(const SpectralScan& scan, const MapGeometry& geometry, const Motion& motion,
+                             const KeyPhases& keys, int width, int height, const LivePulses& live)
+    : FluoroscopyFrames(scan.native, geometry, width, height, false), live_(live) {
+  Progress progress;
+  renderer().set_map(
+      std::make_shared<BodyMap>(cast_keys(scan, geometry, Opacity::paper(), motion, keys, progress).map));
+  const VesselTree tree = thorax_tree();
+  ContrastSurface contrast(tree);
+  std::vector<glm::vec3> points_mm = contrast.whole().mesh.points_mm;
+  inside_.reset(new Inside{keys.rhythm(),
+                           std::move(contrast),
+                           {},
+                           {InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-j")},
+                           MovingPoints(std::move(points_mm), motion, progress),
+                           MovingPoints(nodes_within(tree), motion, progress)});
+  constexpr double kIodine_mg_ml = 50;
+  for (const VesselBranch& branch : tree.branches())
+    inside_->iodine_mg_ml.emplace_back(branch.points.size() - 1, kIodine_mg_ml);
+  next_ms();
+}
+
+SteeredPulses::~SteeredPulses() = default;
+
+/// As a pulse of 5 ms in the middle of that time sees it.
+void SteeredPulses::place(double time_s) {
+  const PulseBlur blur{.pulse_s = 0.005, .pixel_mm = pixel_at_axis_mm(view())};
+  const auto at = [&](double from_middle_s) {
+    const std::vector<double> phases = inside_->rhythm.phases_at(time_s + from_middle_s);
+    std::vector<glm::dvec3> nodes_mm;
+    for (const glm::vec3& node_mm : inside_->nodes.at(phases)) nodes_mm.emplace_back(node_mm);
+    std::vector<Surface> surfaces;
+    for (const InstrumentModel& instrument : inside_->instruments)
+      for (Surface& surface : instrument_surfaces(nodes_mm, instrument))
+        surfaces.push_back(std::move(surface));
+    surfaces.push_back(inside_->contrast.filled(inside_->iodine_mg_ml, inside_->contrast_points.at(phases)));
+    return surfaces;
+  };
+  const double apart_s = live_.moves ? blur.from_middle_s() : 0;
+  const std::vector<Surface> seen = seen_by_pulse(at(-apart_s), at(0), at(apart_s), blur.pixel_mm);
+  for (std::size_t s = 0; s < seen.size(); ++s) renderer().replace_surface(s, seen[s]);
+  renderer().set_phases(inside_->rhythm.phases_at(time_s));
+}
+
+double SteeredPulses::next_ms() {
+  const Stopwatch stopwatch;
+  if (live_.moves) time_s_ += kPulse_s;
+  place(time_s_);
+  if (live_.turns) pose_.rotate(7);
+  View seen = view();
+  if (!live_.turns) seen.cone = Cone{1000, 1500};
+  expose(seen);
   return stopwatch.ms();
 }
 

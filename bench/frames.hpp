@@ -69,10 +69,39 @@ class FluoroscopyFrames : public Frames {
   ~FluoroscopyFrames();
   double next_ms();
 
+ protected:
+  /// Of the next pulse.
+  View view() const;
+  void expose(const View& view);
+
  private:
   struct Chain;
   std::unique_ptr<Chain> chain_;
   int width_, height_;
+};
+
+/// How body and C-arm move between pulses.
+struct LivePulses {
+  bool moves = false;  ///< each pulse a fifteenth of a second later, else the body is held at an instant
+  bool turns = false;  ///< by 7 deg between two pulses, under a parallel beam, as in FluoroscopyFrames
+};
+
+/// A live session's pulses of a map that moves: contrast agent in all of its vessels, a catheter and a wire,
+/// and the fluoroscope's chain. From a C-arm that stands still the beam is a cone.
+class SteeredPulses : public FluoroscopyFrames {
+ public:
+  SteeredPulses(const SpectralScan& scan, const MapGeometry& geometry, const Motion& motion,
+                const KeyPhases& keys, int width, int height, const LivePulses& live);
+  ~SteeredPulses();
+  double next_ms();
+
+ private:
+  struct Inside;
+  void place(double time_s);
+
+  LivePulses live_;
+  std::unique_ptr<Inside> inside_;
+  double time_s_ = 0;
 };
 
 /// VTK's vtkFixedPointVolumeRayCastMapper on the same scan and window, in a separate process

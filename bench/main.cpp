@@ -39,7 +39,8 @@ class Collector final : public benchmark::ConsoleReporter {
 /// All benchmarks, and the lines of the table that they make.
 std::vector<Row> register_all(Bench& bench) {
   std::vector<Row> rows;
-  for (const auto& topic : {add_casting, add_projecting, add_drawing, add_segmenting, add_simulating})
+  for (const auto& topic :
+       {add_casting, add_projecting, add_drawing, add_segmenting, add_registering, add_simulating})
     for (Row& row : topic(bench)) rows.push_back(std::move(row));
   return rows;
 }
@@ -50,6 +51,8 @@ void derive(Times& times) {
   if (times.contains("all-core read") && times.contains("samples from cache"))
     times["floor"] = std::max(times["all-core read"], times["samples from cache"]);
   times["5 s"] = 5'000;    // what key maps may take
+  times["3 s"] = 3'000;    // what a registration may take
+  times["0.3 s"] = 300;    // what the next frame of a film may take
   times["40 s"] = 40'000;  // what a segmentation may take
   if (times.contains("cast_resident_1")) times["cast_vs_opencv"] = times["cast_resident_1"];
 }

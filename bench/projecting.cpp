@@ -113,6 +113,21 @@ void add_skipping(Bench& bench) {
   add_skipping(bench, quiet, "project_bilinear_quiet_640x480", Opacity::bilinear());
 }
 
+/// By the beam of a tube instead of one coefficient, and with the derivatives by the pose.
+void add_spectrum_and_gradient(Bench& bench) {
+  add("project_spectrum_640x480", [&bench, beam = Spectrum::named("80"), angle_deg = 0.0]() mutable {
+    const View view = c_arm(angle_deg += 35, 0);
+    return wall_ms([&] { project(bench.whole, view, beam, bench.progress); });
+  });
+  for (const double tilt_deg : {0.0, 20.0}) {
+    const std::string name = tilt_deg == 0 ? "project_gradient_640x480" : "project_gradient_640x480_tilt";
+    add(name, [&bench, tilt_deg, angle_deg = 0.0]() mutable {
+      const View view = c_arm(angle_deg += 35, tilt_deg);
+      return wall_ms([&] { project_with_gradient(bench.scan, view, Opacity::paper(), bench.progress); });
+    });
+  }
+}
+
 }  // namespace
 
 std::vector<Row> add_projecting(Bench& bench) {
@@ -121,10 +136,14 @@ std::vector<Row> add_projecting(Bench& bench) {
   add_projection(bench, rtk, "project_640x480_tilt", 20, Opacity::paper());
   add_projection(bench, rtk, "project_640x480_64knots", 0, many_knots(64));
   add_skipping(bench);
+  add_spectrum_and_gradient(bench);
   using enum Row::Bar;
   return {{"project_640x480", "RTK, project_640x480", at_least, 10},
           {"project_640x480_tilt", "RTK, project_640x480_tilt", at_least, 6},
           {"project_640x480_64knots", "RTK, project_640x480_64knots", at_least, 3},
+          {"project_spectrum_640x480", "project_bilinear_640x480", at_most, 3},
+          {"project_gradient_640x480", "project_640x480", at_most, 3},
+          {"project_gradient_640x480_tilt", "project_640x480_tilt", at_most, 3},
           {"project_bone_640x480", "project_bone_640x480_everywhere", at_least, 1.5},
           {"project_bilinear_quiet_640x480", "project_bilinear_quiet_640x480_everywhere", at_least, 1.5},
           {"project_bilinear_640x480", "project_bilinear_640x480_everywhere", reported, 0},

@@ -88,5 +88,6 @@ std::vector<Row> add_projecting(Bench& bench);
 std::vector<Row> add_drawing(Bench& bench);
 std::vector<Row> add_simulating(Bench& bench);
 std::vector<Row> add_segmenting(Bench& bench);
+std::vector<Row> add_registering(Bench& bench);
 
 }  // namespace xraycast::bench

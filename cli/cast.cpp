@@ -1,6 +1,6 @@
-#include "map_output.hpp"
 #include "options/attenuation_options.hpp"
 #include "options/command.hpp"
+#include "options/map_output.hpp"
 #include "options/motion_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
@@ -219,7 +219,8 @@ void add_cast(CLI::App& app, Invocation& invocation) {
   command
       ->add_option(
           "--centre-line", options->request.centre_line,
-          "cylinder: the axis follows a curve, monotonic in z: a CSV of x,y,z in mm (LPS) or a vessel tree")
+          "cylinder: the axis follows a curve, monotonic in z: a CSV of x,y,z in mm (LPS) or a vessel tree, "
+          "of which a branch is chosen by its number or name")
       ->type_name("FILE[#BRANCH]");
   command
       ->add_option("--radius", options->radius,

@@ -271,8 +271,9 @@ void make_run(const std::shared_ptr<const VesselTree>& tree, const std::shared_p
     });
   });
   for (const auto& cine : cines) cine->finish();
-  report.note("tip of the catheter", fmt::format("in branch {}, {:.0f} mm along it", run.last[0].tip.branch,
-                                                 run.last[0].tip.arc_length_mm));
+  report.note("tip of the catheter",
+              fmt::format("in {}, {:.0f} mm along it", tree->title(run.last[0].tip.branch),
+                          run.last[0].tip.arc_length_mm));
   report.cine("run-fluoro", "Cobra to the left renal artery");
   report.cine("run-surface", "the same run");
   write_picture(hub_plot("Cobra 5 F: force and torque at the hub", run.records, 0),

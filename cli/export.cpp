@@ -13,6 +13,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 
 namespace xraycast::cli {
@@ -23,6 +24,8 @@ struct ExportArguments {
   RunOptions run{.instrument_models = {"cobra-5f"}};
   SceneOptions scene;
   std::vector<std::string> keys;
+  bool is_live = false;
+  std::string devices;
   const CLI::App* command = nullptr;
 };
 
@@ -31,9 +34,18 @@ void check_applies(const ExportArguments& options, ExportFormat format) {
   if (format == ExportFormat::gltf)
     check_not_given(*options.command, {"--precision", "--keys", "--gate", "--motion-speed"},
                     fmt::format("to {}, which holds no map; leave it out or write a .html", options.output));
-  if (options.run.script.empty())
+  if (format == ExportFormat::gltf)
+    check_not_given(
+        *options.command, {"--live", "--devices"},
+        fmt::format("to {}, which steers nothing; leave it out or write a .html", options.output));
+  if (options.is_live)
+    check_not_given(*options.command, {"--gate", "--motion-speed", "--keys"},
+                    "with --live, whose body stands still; leave it out");
+  else
+    check_not_given(*options.command, {"--devices"}, "without --live; leave it out or give --live too");
+  if (options.run.script.empty() && !options.is_live)
     check_not_given(*options.command, {"--device-model", "--entry"},
-                    "without a run; leave it out or give --script too");
+                    "without a run; leave it out or give --script or --live too");
   else
     check_not_given(*options.command, {"--gate"}, "to a run, whose time is the body's; leave it out");
 }
@@ -60,6 +72,28 @@ RunRequest run_request(const ExportArguments& options, const ExportRequest& requ
   return run;
 }
 
+/// `A,B`: presets or files.
+std::vector<InstrumentModel> parse_devices(const std::string& list) {
+  std::vector<std::string> names;
+  for (std::size_t from = 0; !list.empty() && from <= list.size();) {
+    const std::size_t end = std::min(list.find(',', from), list.size());
+    names.push_back(list.substr(from, end - from));
+    from = end + 1;
+  }
+  return for_option("--devices", [&] { return instruments_named(names); });
+}
+
+/// The page simulates by itself.
+void add_trainer(const ExportArguments& options, const ViewSession& scene, ExportRequest& request,
+                 Invocation& invocation) {
+  RunOptions given = options.run;
+  given.script.clear();
+  given.body = {};
+  const RunRequest run = parse_run(given, scene.vessels);
+  invocation.say(check(run));
+  make_steered(request, run, parse_devices(options.devices));
+}
+
 void export_session(const ExportArguments& options, Invocation& invocation) {
   const ExportFormat format = export_format(options.output);
   check_writable(options.output);
@@ -71,6 +105,9 @@ void export_session(const ExportArguments& options, Invocation& invocation) {
       throw InputError("--script {}: there are no vessels to steer in; give --vessels too", script);
     scene.steered.reset();  // the run's instruments are shown instead
   }
+  if (options.is_live && scene.vessels.empty())
+    throw InputError("--live: there are no vessels to steer in; give --vessels too");
+  if (options.is_live) scene.steered.reset();
   std::shared_ptr<const BodyMap> map = load_map(scene, invocation.device);
   if (!options.keys.empty() && !map->keys)
     throw InputError("--keys: {} stands still; leave it out", scene.map.string());
@@ -83,13 +120,17 @@ void export_session(const ExportArguments& options, Invocation& invocation) {
   if (!options.title.empty()) request.title = options.title;
   request.precision = parse_map_precision(options.precision);
   request.is_of_session = !options.session.empty();
-  if (script.empty()) invocation.say(check(request));
+  if (script.empty() && !options.is_live) invocation.say(check(request));
   if (!script.empty()) {
     check(request);
 
     const RunRequest run = run_request(options, request, scene);
     invocation.say(check(run));
     request.run = recorded_run(run, invocation.progress);
+    if (!options.is_live) invocation.say(check(request));
+  }
+  if (options.is_live) {
+    add_trainer(options, scene, request, invocation);
     invocation.say(check(request));
   }
   if (format == ExportFormat::page) request.still_png = still_png(request);
@@ -112,6 +153,8 @@ void add_export(CLI::App& app, Invocation& invocation) {
       "  xraycast export map.exr --vessels vessels --script push.csv --device-model cobra-5f -o run.html\n"
       "  xraycast export map.exr --vessels vessels --script pair.csv --device-model cobra-5f \\\n"
       "    --device-model guidewire-035-j -o run.html\n"
+      "  xraycast export map.exr --vessels vessels --live --device-model cobra-5f \\\n"
+      "    --device-model guidewire-035-j --devices pigtail-5f,simmons2-5f -o trainer.html\n"
       "  xraycast export map.exr --vessels vessels --script push.csv -o run.glb\n"
       "  xraycast export moving.exr --vessels vessels -o breathes.html --gate heart=0.75\n"
       "  xraycast export --session operation.json -o page.html",
@@ -139,6 +182,14 @@ void add_export(CLI::App& app, Invocation& invocation) {
           "it smaller. Repeat it for several modes")
       ->allow_extra_args(false)
       ->type_name("NAME=N");
+  command->add_flag("--live", options->is_live,
+                    "A page that steers: it simulates the instruments by itself, off line. With --script "
+                    "it plays that run where a browser has no WebAssembly");
+  command
+      ->add_option("--devices", options->devices,
+                   "With --live: instruments that may be taken instead of those of --device-model, presets "
+                   "or JSON files, with commas between them")
+      ->type_name("LIST");
   command
       ->add_option("--precision", options->precision,
                    "How the page stores the map: byte (8 bits a texel) or half (16 bits)")

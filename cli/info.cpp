@@ -1,5 +1,5 @@
-#include "map_output.hpp"
 #include "options/command.hpp"
+#include "options/map_output.hpp"
 #include "options/motion_options.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/pluralize.hpp"

@@ -4,7 +4,7 @@
 #include "options/motion_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/phantom/phantom_motion_file.hpp"
 
 #include <fmt/format.h>
@@ -29,6 +29,7 @@ void write_vessels(const std::vector<VesselBranch>& branches, const std::string&
                    const std::filesystem::path& folder, const std::string& suffix) {
   const VesselTree tree(branches, name);
   write_tree(tree, folder / ("tree" + suffix + ".vtp"));
+  write_names(tree, folder / ("names" + suffix + ".json"));
   write_mesh(tube_mesh(tree), folder / ("surface" + suffix + ".vtp"));
 }
 

@@ -1,7 +1,7 @@
 #include "xraycast/casting/recast.hpp"
 
-#include "map_output.hpp"
 #include "options/command.hpp"
+#include "options/map_output.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"

@@ -205,9 +205,11 @@ std::vector<View> views_of(const View& view, std::span<const double> cine_deg) {
   return views;
 }
 
-/// The phases of a map at each of its frames. They advance with the frames of a cine, unless phases are held.
-std::vector<std::vector<double>> phases_of_frames(const RenderArguments& options, const BodyMap& map,
-                                                  std::size_t frames, double frame_s,
+/// The phases of a map at each of its frames. They advance with the frames of a cine, unless phases are held;
+/// a single one may be of the session's instant.
+std::vector<std::vector<double>> phases_of_frames(const RenderArguments& options,
+                                                  const std::map<std::string, double>& of_session,
+                                                  const BodyMap& map, std::size_t frames, double frame_s,
                                                   const Invocation& program) {
   if (!map.keys) return {};
   const MotionRequest given{{}, parse_phases(options.motion.phases), options.motion.time_s};
@@ -216,6 +218,8 @@ std::vector<std::vector<double>> phases_of_frames(const RenderArguments& options
   if (options.is_cine() && given.phase.empty())
     for (std::size_t i = 0; i < frames; ++i)
       phases[i] = rhythm.phases_at(given.time_s.value_or(0) + static_cast<double>(i) * frame_s);
+  else if (given.phase.empty() && !given.time_s && !of_session.empty())
+    phases.assign(frames, rhythm.phases_of(of_session));
   else if (given.phase.empty() && !given.time_s)
     program.say({"the map moves; this is phase 0 of its motion, give --phase or --time for another instant"});
   return phases;
@@ -269,7 +273,7 @@ void render(const RenderArguments& options, Invocation& invocation) {
   const double frame_s = fluoroscope ? 1 / fluoroscope->pulses_per_s : CineWriter::kUsualFrame_s;
   std::vector<View> views = views_of(view, cine_deg);
   if (options.seconds) views.assign(frames_within(*options.seconds, frame_s), view);
-  const auto phases = phases_of_frames(options, *map, views.size(), frame_s, invocation);
+  const auto phases = phases_of_frames(options, scene.instant, *map, views.size(), frame_s, invocation);
 
   check_dicom(view, xa, options.output, invocation);
   if (fluoroscope && !map->spectrum()) note_on_energies(invocation);

@@ -176,9 +176,10 @@ void check_cine(const SimulateArguments& options) {
   check_writable(fs::path(options.cine) / "frame-000.png");
 }
 
-Json json_of(const RunRecord& record) {
+Json json_of(const RunRecord& record, const VesselTree& tree) {
   const InstrumentTip& tip = record.tip;
   Json json{{"branch", tip.branch},
+            {"vessel", tree.branches()[static_cast<std::size_t>(tip.branch)].name},
             {"arc_length_mm", tip.arc_length_mm},
             {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
   if (record.phases.empty()) return json;
@@ -188,12 +189,11 @@ Json json_of(const RunRecord& record) {
 }
 
 /// Where the tips ended, by a run's last records.
-std::string text_of(const std::vector<RunRecord>& last) {
+std::string text_of(const std::vector<RunRecord>& last, const VesselTree& tree) {
   std::string text;
   for (std::size_t d = 0; d < last.size(); ++d)
-    text +=
-        fmt::format("{}: in branch {}, {:.0f} mm along it", d == 0 ? "tip" : fmt::format("; tip {}", d + 1),
-                    last[d].tip.branch, last[d].tip.arc_length_mm);
+    text += fmt::format("{}: in {}, {:.0f} mm along it", d == 0 ? "tip" : fmt::format("; tip {}", d + 1),
+                        tree.title(last[d].tip.branch), last[d].tip.arc_length_mm);
   return text;
 }
 
@@ -202,6 +202,7 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
   Json json{{"tree", options.tree},
             {"device_model", request.instruments[0].name()},
             {"entry_branch", entry.branch},
+            {"entry_vessel", request.tree->branches()[static_cast<std::size_t>(entry.branch)].name},
             {"entry_mm", {entry.position_mm.x(), entry.position_mm.y(), entry.position_mm.z()}},
             {"entry_side", side_of_patient(*request.tree, entry)},
             {"held_s", run.held_s},
@@ -209,12 +210,12 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
             {"rows", run.records.size()},
             {"simulated_s", run.last[0].time_s},
             {"wall_s", wall_s},
-            {"tip", json_of(run.last[0])}};
+            {"tip", json_of(run.last[0], *request.tree)}};
   if (!run.modes.empty()) json["motion"] = request.body.motion->name();
   for (std::size_t m = 0; m < run.modes.size(); ++m) json["phases"][run.modes[m]] = run.last[0].phases[m];
   for (std::size_t d = 1; d < run.last.size(); ++d) {
     json[fmt::format("device_model_{}", d + 1)] = request.instruments[d].name();
-    json[fmt::format("tip_{}", d + 1)] = json_of(run.last[d]);
+    json[fmt::format("tip_{}", d + 1)] = json_of(run.last[d], *request.tree);
   }
   return json;
 }
@@ -261,12 +262,12 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
                             reason_for_no_outlet(request.instruments));
   for (const fs::path& file : plots) pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
-  invocation.report(
-      result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
-                          "entry: end of {}; {}\n{}{}",
-                          options.log, pluralize(run.records.size(), "row"), simulated_s, wall_s,
-                          simulated_s / std::max(wall_s, 1e-9), text_of(*request.tree, run.entry),
-                          text_of(run.last), run.notes.empty() ? "" : run.notes.front() + "\n", pictures));
+  invocation.report(result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
+                                        "entry: end of {}; {}\n{}{}",
+                                        options.log, pluralize(run.records.size(), "row"), simulated_s,
+                                        wall_s, simulated_s / std::max(wall_s, 1e-9),
+                                        text_of(*request.tree, run.entry), text_of(run.last, *request.tree),
+                                        run.notes.empty() ? "" : run.notes.front() + "\n", pictures));
 }
 
 }  // namespace

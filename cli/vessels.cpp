@@ -114,7 +114,8 @@ void add_vessels(CLI::App& app, Invocation& invocation) {
       ->add_option(
           "INPUT", options->input,
           "A surface (.stl, .vtp, .vtk, .obj, .ply), closed or open at the vessels' ends; a mask (any "
-          "scan's format), or a folder of masks; centrelines with radii (.vtp, .vtk, .mrk.json, .swc, "
+          "scan's format, or a DICOM Segmentation), or a folder of masks; centrelines with radii (.vtp, "
+          ".vtk, .mrk.json, .swc, "
           ".csv, .json)")
       ->required();
   command
@@ -141,8 +142,8 @@ void add_vessels(CLI::App& app, Invocation& invocation) {
   command
       ->add_option(
           "--label", options->labels,
-          "Structures of a mask that are vessels: numbers, TotalSegmentator's names, or names of files "
-          "in a folder; repeatable")
+          "Structures of a mask that are vessels: numbers, TotalSegmentator's names, a DICOM Segmentation's "
+          "labels, or names of files in a folder; repeatable")
       ->delimiter(',')
       ->type_name("NAME");
   command->add_option("--radius", options->radius_mm, "Radius of centrelines without radii, mm")

@@ -3,8 +3,6 @@
 #include "scan_layout.h"
 #include "xraycast/kernels/params.h"
 
-#ifndef SCAN_IMAGE
-
 static inline short least_of(const short16 v) {
   const short8 a = min(v.lo, v.hi);
   const short4 b = min(a.lo, a.hi);
@@ -58,5 +56,3 @@ kernel void blocks_under(global const short2* ranges, const XrcScan scan, consta
   }
   constants[column] = count;
 }
-
-#endif

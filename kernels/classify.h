@@ -15,6 +15,13 @@ static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opaci
   return mu;
 }
 
+static inline float2 mu_of2(const float2 hu, constant const XrcOpacity* opacity, global const float2* table) {
+  (void)table;
+  float2 mu = opacity->mu0;
+  for (int i = 0; i < RAMPS; ++i) mu = fma((float2)opacity->slope[i], max(hu - opacity->from[i], 0.0f), mu);
+  return mu;
+}
+
 static inline float8 mu_of8(const float8 hu, constant const XrcOpacity* opacity, global const float2* table) {
   (void)table;
   float8 mu = opacity->mu0;
@@ -36,6 +43,10 @@ static inline float mu_of(const float hu, constant const XrcOpacity* opacity, gl
   const int i = (int)at;
   const float2 entry = table[i];
   return fma(at - (float)i, entry.y, entry.x);
+}
+
+static inline float2 mu_of2(const float2 hu, constant const XrcOpacity* opacity, global const float2* table) {
+  return (float2)(mu_of(hu.x, opacity, table), mu_of(hu.y, opacity, table));
 }
 
 static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opacity,

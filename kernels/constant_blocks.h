@@ -6,8 +6,6 @@
 #include "scan_layout.h"
 #include "xraycast/kernels/params.h"
 
-#ifndef SCAN_IMAGE
-
 /* The blocks as rays of one dominant axis cross them. */
 typedef struct {
   global const XrcBlock* first;
@@ -72,5 +70,4 @@ static inline float mu_within(const Blocks* blocks, const Bundle* bundle, const 
   return mu;
 }
 
-#endif
 #endif

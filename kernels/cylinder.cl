@@ -2,12 +2,13 @@
 #include "cylinder_ray.h"
 #include "xraycast/kernels/params.h"
 
-#if SLICES == 1
+#if SLICES < 16
 
-/* The sum of mu at samples [first, last), which lie within the slice. */
+/* The sum of mu at samples [first, last), which lie within the slices. */
 static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
                         constant const XrcOpacity* opacity, global const float2* table) {
   Slices sum = 0.0f;
+#pragma unroll 4
   for (int i = first; i < last; ++i) sum += mu_of_slices(hu_along(voxels, scan, ray, i), opacity, table);
   return sum;
 }
@@ -62,7 +63,7 @@ static void fetch_pixels(SCAN row) { /* two neighbours, which may lie in two cac
 static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
                         constant const XrcOpacity* opacity, global const float2* table) {
   const long row_step = (long)scan->pitch_x * XRC_BRICK_SLICES;
-  SCAN brick = voxels + brick_pixel(scan, ray->run, 0, 0) * XRC_BRICK_SLICES;
+  SCAN brick = first_of_run(voxels, scan, ray->run);
   Slices sum = 0.0f;
   Strip strip = strip_from(first, ray, scan);
   for (int from = first; from < last; from += STRIP) {
@@ -73,7 +74,7 @@ static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const 
       fetch_pixels(ahead);
       fetch_pixels(ahead + row_step);
       SCAN upper = brick + (long)strip.pixel[i] * XRC_BRICK_SLICES;
-      sum += mu_of16(bilinear16(upper, upper + row_step, strip.fx[i], strip.fy[i]), opacity, table);
+      sum += mu_of16(bilinear(upper, upper + row_step, strip.fx[i], strip.fy[i]), opacity, table);
     }
     strip = next;
   }
@@ -84,15 +85,17 @@ static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const 
 
 #include "shell_loop.h"
 
-/* One work-item follows the rays of one angle through SLICES slices and writes their texel of every layer.
- * `centres` holds every slice's centre in voxels, `directions` the sine and cosine of every angle, `scales`
- * by what the texels' rays and their shells are longer (MapGeometry::outline_mm). */
+/* One work-item follows the rays of one angle through SLICES slices of a brick and writes their texel of
+ * every layer. Neighbours take the brick's other slices, which lie beside them in memory. `centres` holds
+ * every slice's centre in voxels, `directions` the sine and cosine of every angle, `scales` by what the
+ * texels' rays and their shells are longer (MapGeometry::outline_mm). */
 kernel void cast_cylinder(SCAN voxels, const XrcScan scan, const XrcCylinder cylinder,
                           global const float2* centres, global const float2* directions,
                           global const float* scales, constant const XrcShell* shells,
                           constant const XrcOpacity* opacity, global const float2* table,
                           global float* tau MOVED_PARAMETERS) {
-  const int column = (int)get_global_id(0), run = (int)get_global_id(1);
+  const int part = (int)get_global_id(0), column = (int)get_global_id(1), brick = (int)get_global_id(2);
+  const int run = brick * (XRC_BRICK_SLICES / SLICES) + part;
   if (column >= cylinder.map.width || run * SLICES >= scan.size_z) return;
   const int row = scan.size_z - 1 - run * SLICES; /* row 0 is the most superior slice */
   const float scale = scales[row * cylinder.map.scale_stride + column];

@@ -6,54 +6,65 @@
 #include "rays.h"
 #include "scan_access.h"
 
-/* The rays differ only in the number of slices per work-item: the 16 of a brick, or one of an image or,
- * with -DONE_SLICE, where the centre differs from slice to slice. */
-#if defined(SCAN_IMAGE) || defined(ONE_SLICE)
+/* The rays differ only in the number of SLICES per work-item, which the program is built with: the 16 of a
+ * brick for a processor's vectors, two for a GPU, or one where the centre or the outline differs from slice
+ * to slice. */
+#ifndef SLICES
+#define SLICES XRC_BRICK_SLICES
+#endif
 
-#define SLICES 1
+#if SLICES == 1
+
 #define mu_of_slices mu_of
 typedef float Slices;
 
+INLINE Slices slices_at(SCAN pixel) { return (float)*pixel; }
+
 static void store(const Slices value, float* values) { *values = value; }
 
-#ifndef MOVED
+#elif SLICES == 2
 
-/* Position (x, y), between voxels' centres of slice z, interpolated bilinearly. */
-static Slices sample(SCAN voxels, const XrcScan* scan, const int z, const float x, const float y) {
-  const int ix = (int)x, iy = (int)y;
-  const float fx = x - (float)ix, fy = y - (float)iy;
-  const float a = voxel_hu(voxels, scan, ix, iy, z), b = voxel_hu(voxels, scan, ix + 1, iy, z);
-  const float c = voxel_hu(voxels, scan, ix, iy + 1, z), d = voxel_hu(voxels, scan, ix + 1, iy + 1, z);
-  const float ab = fma(fx, b - a, a), cd = fma(fx, d - c, c);
-  return fma(fy, cd - ab, ab);
-}
+#define mu_of_slices mu_of2
+typedef float2 Slices;
 
-#endif
+INLINE Slices slices_at(SCAN pixel) { return convert_float2(*(global const short2*)pixel); }
+
+static void store(const Slices value, float* values) { vstore2(value, 0, values); }
 
 #else
 
-#define SLICES XRC_BRICK_SLICES
 #define mu_of_slices mu_of16
 typedef float16 Slices;
 
-/* Between two pixels of a row and the two below them, in 16 slices. */
-static Slices bilinear16(SCAN upper, SCAN lower, const float fx, const float fy) {
-  const Slices a = convert_float16(vload16(0, upper)), b = convert_float16(vload16(1, upper));
-  const Slices c = convert_float16(vload16(0, lower)), d = convert_float16(vload16(1, lower));
+INLINE Slices slices_at(SCAN pixel) { return convert_float16(vload16(0, pixel)); }
+
+static void store(const Slices value, float* values) { vstore16(value, 0, values); }
+
+#endif
+
+/* Where run `run` of SLICES slices begins in the scan's first pixel of their brick. */
+INLINE SCAN first_of_run(SCAN voxels, const XrcScan* scan, const int run) {
+  const int slice = run * SLICES;
+  return voxels + brick_pixel(scan, slice / XRC_BRICK_SLICES, 0, 0) * XRC_BRICK_SLICES +
+         slice % XRC_BRICK_SLICES;
+}
+
+/* Between two pixels of a row and the two below them. */
+INLINE Slices bilinear(SCAN upper, SCAN lower, const float fx, const float fy) {
+  const Slices a = slices_at(upper), b = slices_at(upper + XRC_BRICK_SLICES);
+  const Slices c = slices_at(lower), d = slices_at(lower + XRC_BRICK_SLICES);
   const Slices ab = fma((Slices)fx, b - a, a), cd = fma((Slices)fx, d - c, c);
   return fma((Slices)fy, cd - ab, ab);
 }
 
-/* The same in the 16 slices of a brick. */
-static Slices sample(SCAN voxels, const XrcScan* scan, const int brick, const float x, const float y) {
+/* Position (x, y), between voxels' centres of a run, interpolated bilinearly. */
+INLINE Slices sample(SCAN voxels, const XrcScan* scan, const int run, const float x, const float y) {
   const int ix = (int)x, iy = (int)y;
-  SCAN upper = voxels + brick_pixel(scan, brick, ix, iy) * XRC_BRICK_SLICES;
-  return bilinear16(upper, upper + (long)scan->pitch_x * XRC_BRICK_SLICES, x - (float)ix, y - (float)iy);
+  SCAN upper = first_of_run(voxels, scan, run) + (long)(iy * scan->pitch_x + ix) * XRC_BRICK_SLICES;
+  return bilinear(upper, upper + (long)scan->pitch_x * XRC_BRICK_SLICES, x - (float)ix, y - (float)iy);
 }
 
-static void store(const Slices value, float* values) { vstore16(value, 0, values); }
-
-#ifdef MOVED
+#if defined(MOVED) && SLICES == 16
 
 /* How far from each slice of a brick lies what it shows of the moved scan, in voxels; z from the brick's
  * lowest slice on. */
@@ -137,8 +148,6 @@ static Slices displaced_sample(SCAN voxels, const XrcScan* scan, const int brick
 
 #endif
 
-#endif
-
 /* In voxels, through run `run` of SLICES slices. The first `inside` samples lie within the slice; those
  * beyond are air. */
 typedef struct {
@@ -176,7 +185,7 @@ static float2 place_along(const XrcScan* scan, const Ray* ray, const int i) {
                (float2)((float)(scan->size_x - 1), (float)(scan->size_y - 1)));
 }
 
-#if defined(MOVED) && SLICES > 1
+#if defined(MOVED) && SLICES == 16
 
 /* Displacements are looked up at every eighth sample, and linear between. */
 #define OFFSETS_STEP 8
@@ -198,13 +207,17 @@ static Slices hu_between(SCAN voxels, const XrcScan* scan, const Ray* ray, const
 
 /* HU of sample i < inside. */
 static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
-#if defined(MOVED) && SLICES > 1
+#if defined(MOVED) && SLICES == 16
   const Offsets from = offsets_along(scan, ray, i - i % OFFSETS_STEP),
                 to = offsets_along(scan, ray, i - i % OFFSETS_STEP + OFFSETS_STEP);
   return hu_between(voxels, scan, ray, i, &from, &to);
 #elif defined(MOVED)
   const float2 at = place_along(scan, ray, i);
-  return displaced_hu(voxels, scan, ray->field, ray->nodes, (float3)(at.x, at.y, (float)ray->run));
+  float hu[SLICES];
+  for (int s = 0; s < SLICES; ++s)
+    hu[s] = displaced_hu(voxels, scan, ray->field, ray->nodes,
+                         (float3)(at.x, at.y, (float)min(ray->run * SLICES + s, scan->size_z - 1)));
+  return *(const Slices*)hu;
 #else
   const float2 at = place_along(scan, ray, i);
   return sample(voxels, scan, ray->run, at.x, at.y);

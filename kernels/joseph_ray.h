@@ -35,6 +35,17 @@ static inline PlaneCell plane_cell(SCAN voxels, const XrcScan* scan, const int a
   PlaneCell cell;
   cell.along_u = cu - (float)u0;
   cell.along_v = cv - (float)v0;
+#ifdef SCAN_IMAGE
+  if (axis < 2) {
+    const float2 left = axis == 0 ? voxel_pair(voxels, k, u0, v0) : voxel_pair(voxels, u0, k, v0),
+                 right = axis == 0 ? voxel_pair(voxels, k, u1, v0) : voxel_pair(voxels, u1, k, v0);
+    cell.hu[0] = left.x;
+    cell.hu[1] = right.x;
+    cell.hu[2] = left.y;
+    cell.hu[3] = right.y;
+    return cell;
+  }
+#endif
   for (int c = 0; c < 4; ++c) {
     const int iu = c & 1 ? u1 : u0, iv = c >> 1 ? v1 : v0;
     cell.hu[c] = axis == 0   ? voxel_hu(voxels, scan, k, iu, iv)

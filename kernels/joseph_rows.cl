@@ -2,8 +2,6 @@
 #include "scan_access.h"
 #include "xraycast/kernels/params.h"
 
-#ifndef SCAN_IMAGE
-
 /* The pictures of flat detectors of one size, one behind the other, from bricks: one work-item takes 16 rows
  * of a column. Columns come in tiles of get_global_size(0), so that what they share of the scan stays in a
  * cache. */
@@ -16,5 +14,3 @@ kernel void project_rows(SCAN voxels, const XrcScan scan, global const XrcDetect
   project_16(voxels, &scan, &detector, at.column, first_row, opacity, table,
              tau + (long)at.picture * detector.width * detector.height);
 }
-
-#endif

@@ -3,8 +3,6 @@
 #include "scan_access.h"
 #include "xraycast/kernels/params.h"
 
-#ifndef SCAN_IMAGE
-
 /* Joseph's method for views without tilt, in bricks. The rays of a detector column share their way through x
  * and y, so that in every plane one column of voxels, interpolated across, serves all of them. Along z they
  * lie in the order of their rows, so that the first and the last of a column enclose the others. */
@@ -301,5 +299,3 @@ kernel void project_untilted(SCAN voxels, const XrcScan scan, const XrcDetector 
     for (int j = first_row; j < min(first_row + XRC_UNTILTED_ROWS, detector.height); j += ROWS)
       project_16(voxels, &scan, &detector, first_column + c, j, opacity, table, tau);
 }
-
-#endif

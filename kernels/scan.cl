@@ -16,3 +16,14 @@ kernel void pack_bricks(global const short* slices, global short* bricks, const 
   }
   vstore16(vload16(0, hu), brick_pixel(&scan, first_brick + b, x, y), bricks);
 }
+
+/* Pairs of voxels above each other (see scan_access.h), as they are in an image, x fastest, from slice
+ * `first` on. */
+kernel void pair_slices(global const short* bricks, const XrcScan scan, const int first,
+                        global short2* pairs) {
+  const int x = (int)get_global_id(0), y = (int)get_global_id(1), slice = (int)get_global_id(2);
+  const int z = first + slice;
+  if (x >= scan.size_x || y >= scan.size_y || z >= scan.size_z) return;
+  pairs[((long)slice * scan.size_y + y) * scan.size_x + x] =
+      (short2)(bricks[voxel_at(&scan, x, y, z)], bricks[voxel_at(&scan, x, y, min(z + 1, scan.size_z - 1))]);
+}

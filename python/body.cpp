@@ -2,11 +2,11 @@
 
 #include "calls/arguments.hpp"
 #include "calls/job.hpp"
+#include "calls/opacity.hpp"
 #include "drawing.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "motion.hpp"
-#include "opacity.hpp"
 #include "scan.hpp"
 #include "scene.hpp"
 #include "vessels.hpp"

@@ -29,6 +29,7 @@ constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 struct State {
   RunRecord record;
   bool is_held;
+  std::string vessel;  ///< the name of the branch in which the tip is
 };
 
 /// How far each instrument's hub moves.
@@ -164,7 +165,8 @@ class HeldInstruments {
   std::vector<State> states_now() const {
     std::vector<State> states;
     for (const RunRecord& record : records_of(instruments_, instruments_.time_s()))
-      states.push_back({record, instruments_.is_held(states.size())});
+      states.push_back({record, instruments_.is_held(states.size()),
+                        request_.tree->branches()[static_cast<std::size_t>(record.tip.branch)].name});
     return states;
   }
 
@@ -287,6 +289,9 @@ void add_state(nb::module_& module) {
           "branch", [](const State& s) { return s.record.tip.branch; },
           "The number of the tree's branch in which the tip is.")
       .def_prop_ro(
+          "vessel", [](const State& s) { return text_object(s.vessel); },
+          "The name of that branch; empty for one without.")
+      .def_prop_ro(
           "arc_length_mm", [](const State& s) { return s.record.tip.arc_length_mm; },
           "The tip's distance from the branch's first point, along the branch.")
       .def_prop_ro(
@@ -394,7 +399,8 @@ void add_catheter(nb::module_& module) {
            nb::arg("entry") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
            "model: an instrument's name, such as cobra-5f or guidewire-035-j (the error for a wrong one "
            "lists all), or a JSON file.\n"
-           "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; default: the most "
+           "entry: a branch's number or its vessel's name, or a point (x, y, z) in mm near a vessel's end; "
+           "default: the most "
            "inferior end that it fits into.\n"
            "motion: a motion.json, by which the body moves about the instrument while it steps.  phase: a "
            "dict "

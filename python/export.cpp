@@ -11,10 +11,10 @@
 #include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/still_picture.hpp"
 #include "xraycast/export/export_request.hpp"
+#include "xraycast/scene/map_motion.hpp"
 
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <memory>
 #include <nanobind/stl/string.h>
 
@@ -44,9 +44,38 @@ BodyRequest page_body(const HeldBody& body, const HeldRun* run, bool has_vessels
       throw InputError("run: has a motion of its own; leave out motion, phase, gate and motion_speed");
     return run->request.body;
   }
-  if (!page.motion && has_vessels && body.map->keys && std::filesystem::exists(body.map->keys->motion))
-    page.motion = std::make_shared<const Motion>(read_motion(body.map->keys->motion));
+  std::vector<std::string> notes;  // check() tells of vessels that stay
+  if (!page.motion && has_vessels) page.motion = motion_of(*body.map, {}, notes);
   return page;
+}
+
+/// The tree of vessels that are given.
+HeldTree tree_in(const nb::object& vessels) {
+  if (nb::isinstance<HeldTree>(vessels)) return nb::cast<HeldTree>(vessels);
+  if (nb::isinstance<HeldVessels>(vessels)) {
+    const auto& held = nb::cast<const HeldVessels&>(vessels);
+    return {held.part(held.found->centrelines.tree)};
+  }
+  if (vessels.is_none() || nb::isinstance<HeldMesh>(vessels))
+    throw InputError("live: steers in a tree; give Vessels, a VesselTree or its file as vessels");
+  return {std::make_shared<const VesselTree>(read_tree(path_of(vessels)))};
+}
+
+/// A page that steers by itself.
+void add_live(ExportRequest& request, const nb::object& vessels, const nb::object& live,
+              const nb::object& devices, const nb::object& entry) {
+  if (live.is_none()) {
+    if (!devices.is_none() || !entry.is_none())
+      throw InputError("devices, entry: without live; leave them out");
+    return;
+  }
+  if (request.format != ExportFormat::page) throw InputError("live: a scene steers nothing; write a .html");
+  std::vector<std::string> names;
+  if (!devices.is_none())
+    for (const nb::handle device : devices)
+      names.push_back(instrument_name(device, fmt::format("devices[{}]", names.size())));
+  make_steered(request, run_of(tree_in(vessels), live, entry, nb::none(), nb::none(), "live"),
+               instruments_named(names));
 }
 
 /// What the session shows but for what is given in its place.
@@ -65,6 +94,7 @@ void export_session(const HeldBody& body, nb::handle path, const nb::object& ves
                     const std::string& title, const std::string& precision, double contrast_mg_ml,
                     const nb::object& session, const PathArgument& motion, const PhaseArgument& phase,
                     const PhaseArgument& gate, double motion_speed, const KeysArgument& keys,
+                    const nb::object& live, const nb::object& devices, const nb::object& entry,
                     const nb::object& progress) {
   const std::string file = path_of(path);
   const ExportFormat format = export_format(file);
@@ -82,6 +112,7 @@ void export_session(const HeldBody& body, nb::handle path, const nb::object& ves
     check_recordable(*run->request.script);
     request.run = run->recorded;
   }
+  add_live(request, vessels, live, devices, entry);
   warn(check(request));
   run_job(progress, [&](Progress& reported) {
     reported.begin("exporting", 1, "files");
@@ -103,7 +134,11 @@ void add_export(nb::module_& module) {
       "session: str | os.PathLike[str] | None = None, motion: str | os.PathLike[str] | None = None, "
       "phase: dict[str, float] | None = None, gate: dict[str, float] | None = None, motion_speed: float = "
       "1.0, "
-      "keys: dict[str, int] | None = None, progress: xraycast._progress.Listener | None = None) "
+      "keys: dict[str, int] | None = None, "
+      "live: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
+      "devices: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
+      "entry: int | numpy.typing.ArrayLike | None = None, progress: xraycast._progress.Listener | None = "
+      "None) "
       "-> None",
       usual.title, kUsualContrast_mg_ml);
   module.def(
@@ -112,6 +147,7 @@ void add_export(nb::module_& module) {
       nb::arg("precision") = "byte", nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
       nb::arg("session") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
       nb::arg("gate") = nb::none(), nb::arg("motion_speed") = 1.0, nb::arg("keys") = nb::none(),
+      nb::arg("live") = nb::none(), nb::arg("devices") = nb::none(), nb::arg("entry") = nb::none(),
       nb::arg("progress") = nb::none(), nb::sig(signature.c_str()),
       "Writes a BodyMap, with vessels and a run, as one web page that any browser opens (.html), or without "
       "the map as a glTF scene (.glb).\n\n"
@@ -127,7 +163,9 @@ void add_export(nb::module_& module) {
       "first.  "
       "keys: a dict of modes and how many of their key maps the page holds. A run has a motion of its own, "
       "in "
-      "which it was simulated.");
+      "which it was simulated.\n"
+      "live: instruments, the outermost first, of a page that steers: it simulates them by itself, in the "
+      "vessels' tree.  devices: others that may be taken instead.  entry: as Catheter's.");
 }
 
 }  // namespace xraycast::python

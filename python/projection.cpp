@@ -1,19 +1,22 @@
 #include "calls/arguments.hpp"
 #include "calls/job.hpp"
+#include "calls/opacity.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "motion.hpp"
-#include "opacity.hpp"
 #include "scan.hpp"
 #include "scene.hpp"
 #include "xraycast/acquisition/scan_acquisition.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/projection/projector.hpp"
 
+#include <algorithm>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/variant.h>
+#include <span>
 #include <variant>
+#include <vector>
 
 namespace xraycast::python {
 namespace {
@@ -28,23 +31,22 @@ View completed(View view, bool has_centre, HeldScan& scan, const DeviceUse& devi
   return fitted(view, volume, body);
 }
 
-/// By K and RT.
-std::vector<float> tau_from(const SpectralScan& scan, const PinholeCamera& camera,
-                            const Attenuation& attenuation, Progress& progress) {
+/// The opacity that `what` needs.
+const Opacity& opacity_for(const char* what, const Attenuation& attenuation) {
   if (const auto* spectrum = std::get_if<Spectrum>(&attenuation))
-    throw InputError("opacity {}: K and RT take no spectrum; give lao, cranial and cone_mm",
-                     spectrum->name());
-  return project(scan.native, camera, std::get<Opacity>(attenuation), progress);
+    throw InputError("opacity {}: {}", spectrum->name(), what);
+  return std::get<Opacity>(attenuation);
 }
 
-Depths gradient_from(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
-                     Progress& progress) {
-  const auto* opacity = std::get_if<Opacity>(&attenuation);
-  if (!opacity)
-    throw InputError("opacity {}: gradient takes no spectrum; give an opacity",
-                     std::get<Spectrum>(attenuation).name());
-  PoseGradient found = std::visit(
-      [&](const auto& one) { return project_with_gradient(scan.native, one, *opacity, progress); }, pose);
+Depths gradient_from(const SpectralScan& scan, const View& view, const Opacity& opacity, Progress& progress) {
+  PoseGradient found = project_with_gradient(scan.native, view, opacity, progress);
+  return {std::move(found.tau), std::move(found.gradient)};
+}
+
+Depths depths_from(const SpectralScan& scan, std::span<const PinholeCamera> cameras, bool has_gradient,
+                   const Opacity& opacity, Progress& progress) {
+  if (!has_gradient) return {.tau = project(scan.native, cameras, opacity, progress)};
+  PoseGradient found = project_with_gradient(scan.native, cameras, opacity, progress);
   return {std::move(found.tau), std::move(found.gradient)};
 }
 
@@ -69,6 +71,25 @@ void acquire(const SpectralScan& scan, const std::vector<Pose>& poses, const Wis
     depths.add(frames.frame(std::get<View>(pose), progress), frames.acquisition());
 }
 
+std::vector<PinholeCamera> cameras_in(const std::vector<Pose>& poses) {
+  std::vector<PinholeCamera> cameras;
+  for (const Pose& pose : poses) cameras.push_back(std::get<PinholeCamera>(pose));
+  return cameras;
+}
+
+/// Cameras that are projected at once: what rays share of the scan is read once, while buffers stay small and
+/// cancelling does not wait for all pictures.
+std::vector<std::span<const PinholeCamera>> runs_of(std::span<const PinholeCamera> cameras) {
+  constexpr std::size_t kPixels = std::size_t{1} << 21;
+  const std::size_t pixels = static_cast<std::size_t>(cameras.front().width) *
+                             static_cast<std::size_t>(cameras.front().height),
+                    most = std::max<std::size_t>(kPixels / pixels, 1);
+  std::vector<std::span<const PinholeCamera>> runs;
+  for (std::size_t first = 0; first < cameras.size(); first += most)
+    runs.push_back(cameras.subspan(first, std::min(most, cameras.size() - first)));
+  return runs;
+}
+
 std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses, const Wishes& wishes,
                                   Progress& progress) {
   auto depths = room_for(poses, wishes.has_gradient, wishes.acquisition.fluoroscope.has_value());
@@ -78,18 +99,25 @@ std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses
     acquire(resident, poses, wishes, *depths, progress);
     return depths;
   }
-  for (const Pose& pose : poses) {
-    Depths one =
-        wishes.has_gradient
-            ? gradient_from(resident, pose, wishes.attenuation, progress)
-            : Depths{.tau = tau_from(resident, std::get<PinholeCamera>(pose), wishes.attenuation, progress)};
-    if (poses.size() == 1) {
+  const Opacity& opacity =
+      opacity_for(wishes.has_gradient ? "gradient takes no spectrum; give an opacity"
+                                      : "K and RT take no spectrum; give lao, cranial and cone_mm",
+                  wishes.attenuation);
+  const glm::ivec2 size = size_of(poses.front());
+  const auto pixels = poses.size() * static_cast<std::size_t>(size.x) * static_cast<std::size_t>(size.y);
+  const auto keep = [&](Depths one) {
+    if (one.tau.size() == pixels) {
       *depths = std::move(one);
-      break;
+      return;
     }
     depths->tau.insert(depths->tau.end(), one.tau.begin(), one.tau.end());
     depths->gradient.insert(depths->gradient.end(), one.gradient.begin(), one.gradient.end());
-  }
+  };
+  if (std::holds_alternative<View>(poses.front()))
+    for (const Pose& pose : poses) keep(gradient_from(resident, std::get<View>(pose), opacity, progress));
+  else
+    for (const std::vector<PinholeCamera> cameras = cameras_in(poses); const auto& run : runs_of(cameras))
+      keep(depths_from(resident, run, wishes.has_gradient, opacity, progress));
   return depths;
 }
 

@@ -1,6 +1,7 @@
 #include "run.hpp"
 
 #include "calls/arguments.hpp"
+#include "calls/entry.hpp"
 #include "calls/job.hpp"
 #include "calls/values.hpp"
 #include "motion.hpp"
@@ -11,34 +12,11 @@
 #include <fmt/ranges.h>
 
 #include <array>
-#include <limits>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 namespace xraycast::python {
 namespace {
-
-/// A branch's number, as operator.index gives it; none for what is no number, such as a point.
-std::optional<int> branch_of(const nb::object& entry) {
-  const nb::object number = nb::steal(PyNumber_Index(entry.ptr()));
-  if (!number.is_valid()) {
-    if (!PyErr_ExceptionMatches(PyExc_TypeError)) throw nb::python_error();
-    PyErr_Clear();
-    return std::nullopt;
-  }
-  int overflow = 0;
-  const long branch = PyLong_AsLongAndOverflow(number.ptr(), &overflow);
-  if (overflow != 0 || branch < 0 || branch > std::numeric_limits<int>::max())
-    throw InputError("entry {}: must be the number of a branch, 0 or more", nb::str(number).c_str());
-  return static_cast<int>(branch);
-}
-
-EntryChoice entry_choice(const nb::object& entry) {
-  if (entry.is_none()) return {};
-  const std::string name = fmt::format("entry {}", nb::str(entry).c_str());
-  if (const auto branch = branch_of(entry)) return {*branch, name};
-  return {point_of(entry, "entry"), name};
-}
 
 /// Of a file, or of an array (rows, 1 + 2 instruments).
 Script script_of(const nb::object& script, std::size_t instruments) {

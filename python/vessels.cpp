@@ -5,6 +5,7 @@
 #include "calls/values.hpp"
 #include "scan.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/given_vessels/given_vessels.hpp"
 #include "xraycast/reports/vessel_report.hpp"
 #include "xraycast/segmentation/vessels.hpp"
@@ -123,13 +124,13 @@ auto points_of_branch(const HeldBranch& held) {
   return array_over<const double, 2>(&points.front().position_mm.x, {points.size(), 4}, held.tree);
 }
 
-/// A tree of (points, parent) for each branch.
+/// A tree of (points, parent) or (points, parent, name) for each branch.
 void make_tree(HeldTree* tree, const nb::sequence& branches) {
   std::vector<VesselBranch> list;
   for (const nb::handle item : branches) {
     const std::string name = fmt::format("branches[{}]", list.size());
-    if (!nb::isinstance<nb::sequence>(item) || nb::len(item) != 2)
-      throw InputError("{}: must be (points, parent)", name);
+    if (!nb::isinstance<nb::sequence>(item) || (nb::len(item) != 2 && nb::len(item) != 3))
+      throw InputError("{}: must be (points, parent) or (points, parent, name)", name);
     const Numbers points = numbers_of(item[0], name + ": points");
     if (points.shape.size() != 2 || points.shape[1] != 4)
       throw InputError("{}: points must be (points, 4): x, y, z and radius in mm", name);
@@ -141,6 +142,11 @@ void make_tree(HeldTree* tree, const nb::sequence& branches) {
     if (parent != std::floor(parent) || std::abs(parent) > 1e9)
       throw InputError("{}: parent must be the number of a branch, or -1 for the root", name);
     branch.parent = static_cast<int>(parent);
+    if (nb::len(item) == 3) {
+      if (!nb::isinstance<nb::str>(item[2])) throw InputError("{}: name must be text", name);
+      branch.name = nb::cast<std::string>(item[2]);
+      check_vessel_name(branch.name, name);
+    }
     list.push_back(std::move(branch));
   }
   new (tree) HeldTree{std::make_shared<const VesselTree>(std::move(list), "branches")};
@@ -155,22 +161,41 @@ void add_tree(nb::module_& module) {
       .def_prop_ro(
           "parent", [](const HeldBranch& b) { return b.branch().parent; },
           "The number of the branch that it leaves; -1 for the root.")
+      .def_prop_ro(
+          "name", [](const HeldBranch& b) { return text_object(b.branch().name); },
+          "The vessel's name, which its other branches have too; empty for one that is not known.")
       .def_prop_ro("children", [](const HeldBranch& b) { return b.branch().children; })
       .def_prop_ro("length_mm", [](const HeldBranch& b) { return b.branch().arc_length_mm.back(); });
   nb::class_<HeldTree>(module, "VesselTree", "Centrelines with radii, as a connected tree of branches.")
       .def("__init__", make_tree, nb::arg("branches"),
-           "branches: (points, parent) of each; points (n, 4): x, y, z and radius in mm, LPS, of which the "
-           "first is the parent's last; parent: its number, -1 for the root.")
+           "branches: (points, parent) or (points, parent, name) of each; points (n, 4): x, y, z and radius "
+           "in mm, LPS, of which the first is the parent's last; parent: its number, -1 for the root.")
       .def("__reduce__", [](nb::handle self) { return reduced("tree", self); })
       .def_static(
           "read",
           [](const PathArgument& path) {
             return HeldTree{std::make_shared<const VesselTree>(read_tree(path_of(path)))};
           },
-          nb::arg("path"), "Reads .vtp or .json, or the tree.vtp of a folder that `xraycast segment` wrote.")
+          nb::arg("path"),
+          "Reads .vtp or .json, or the tree.vtp of a folder that `xraycast segment` wrote, with the names of "
+          "its names.json.")
       .def(
           "write", [](const HeldTree& t, const PathArgument& path) { write_tree(*t.tree, path_of(path)); },
-          nb::arg("path"), "Writes .vtp (as VMTK) or .json.")
+          nb::arg("path"), "Writes .vtp (as VMTK) or .json; only .json has names.")
+      .def(
+          "named",
+          [](const HeldTree& t, const std::string& name) {
+            return branches_named(*t.tree, name, fmt::format("name \"{}\"", name));
+          },
+          nb::arg("name"), "The numbers of the branches of that name, in any case of letters.")
+      .def_prop_ro(
+          "branches",
+          [](const HeldTree& t) {
+            nb::typed<nb::list, HeldBranch> list;
+            for (std::size_t i = 0; i < t.tree->branches().size(); ++i) list.append(HeldBranch{t.tree, i});
+            return list;
+          },
+          "All branches, by their numbers.")
       .def_prop_ro(
           "root", [](const HeldTree& t) { return t.tree->root(); }, "The root's number.")
       .def("__len__", [](const HeldTree& t) { return t.tree->branches().size(); })

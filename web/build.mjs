@@ -4,14 +4,15 @@ import { readFile, writeFile } from "node:fs/promises";
 import { fileURLToPath } from "node:url";
 
 const here = fileURLToPath(new URL(".", import.meta.url));
-const bundle = async (entry, loader) => {
+const bundle = async (entry, loader, define = {}) => {
   const { outputFiles } = await build({
     absWorkingDir: here, entryPoints: [entry], bundle: true, minify: true, write: false, target: "es2022", format: "iife",
-    charset: "utf8", legalComments: "none", loader,
+    charset: "utf8", legalComments: "none", loader, define,
   });
   return outputFiles[0].text.trim();
 };
-const program = await bundle("src/main.ts", { ".glsl": "text", ".frag": "text", ".vert": "text" });
+const worker = await bundle("src/trainer_worker.ts", {});
+const program = await bundle("src/main.ts", { ".glsl": "text", ".frag": "text", ".vert": "text" }, { kWorker: JSON.stringify(worker) });
 const style = await bundle("src/page.css", {});
 if (/<\/script|<!--|@xraycast-/i.test(program)) throw new Error("the program holds what ends a script element");
 const template = await readFile(`${here}src/page.html`, "utf8");

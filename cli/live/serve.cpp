@@ -207,7 +207,8 @@ void serve(const ServeArguments& options, Invocation& invocation) {
   std::optional<ExportRequest> page;
   if (web_options) {
     page = live_session(scene, pose, map, request, options.is_browsers_hub());
-    check(*page);
+    const std::vector<std::string> of_page = check(*page);
+    notes_on_motion.insert(notes_on_motion.end(), of_page.begin(), of_page.end());
   }
   invocation.say(notes_on_place(*request.tree, bounds, scene.vessels.string()));
   invocation.say(notes_on_motion);

@@ -63,6 +63,11 @@ Intervention::Options simulation_of(const ViewArguments& options, const ViewSess
   return simulation;
 }
 
+/// Without a motion: the viewer knows the modes of a map that moves once it is opened.
+bool may_move(const ViewSession& scene) {
+  return !scene.basis.empty() || (!scene.map.empty() && !motion_named_by(scene.map).empty());
+}
+
 void view(const ViewArguments& options, const Invocation& invocation) {
   if (!options.has_run())
     check_not_given(*options.command, {"--device-model", "--entry", "--haptic", "--listen"},
@@ -79,8 +84,10 @@ void view(const ViewArguments& options, const Invocation& invocation) {
   const BodyRequest body = simulation ? simulation->run.body : body_request_of(options.run.body);
   if (body.motion) invocation.say(body.motion->warnings());
   std::optional<MaskPhase> mask_phase;
-  if (!options.subtraction.mask_phase.empty()) mask_phase = parse_mask_phase(options.subtraction.mask_phase);
-  if (mask_phase && body.motion) matching_of(*mask_phase, *body.motion);
+  if (!options.subtraction.mask_phase.empty()) {
+    mask_phase = parse_mask_phase(options.subtraction.mask_phase);
+    if (body.motion || !may_move(scene)) matching_of(options.subtraction, body.motion.get());
+  }
   const OutputSeries files;
   run_viewer(scene, invocation.device, invocation.progress, simulation, fluoroscopy, body, mask_phase);
   invocation.progress.check();  // a signal closed it

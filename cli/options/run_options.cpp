@@ -31,13 +31,15 @@ EntryChoice parse_entry(const std::string& text) {
   std::vector<double> numbers;
   try {
     numbers = parse_numbers(text, "--entry");
-  } catch (const InputError&) {  // a word: said below what it must be
+  } catch (const InputError&) {  // a name
   }
   if (numbers.size() == 3) return {glm::dvec3(numbers[0], numbers[1], numbers[2]), name};
+  if (numbers.empty()) return {text, name};
   if (numbers.size() != 1 || numbers[0] != std::floor(numbers[0]) ||
       std::abs(numbers[0]) > std::numeric_limits<int>::max())
     throw InputError(
-        "{}: must be a branch's number, as in the report.png of `xraycast segment`, or X,Y,Z in mm (LPS)",
+        "{}: must be a branch's number or name, as in the report.png of `xraycast segment`, or X,Y,Z in mm "
+        "(LPS)",
         name);
   return {static_cast<int>(numbers[0]), name};
 }
@@ -58,9 +60,10 @@ void add_coaxial_options(CLI::App& command, RunOptions& options) {
   command
       .add_option(
           "--entry", options.entry,
-          "Vessel end where the instrument enters (the puncture site): the number of a branch, or the end "
-          "nearest to a point in mm (LPS) (default: the most inferior end that the instrument fits into)")
-      ->type_name("BRANCH|X,Y,Z");
+          "Vessel end where the instrument enters (the puncture site): a branch's number or its vessel's "
+          "name, such as \"right external iliac artery\", or the end nearest to a point in mm (LPS) "
+          "(default: the most inferior end that the instrument fits into)")
+      ->type_name("BRANCH|NAME|X,Y,Z");
 }
 
 CLI::Option* add_script_option(CLI::App& command, RunOptions& options, const std::string& purpose) {

@@ -25,8 +25,8 @@ void add_coaxial_options(CLI::App& command, RunOptions& options);
 /// --script
 CLI::Option* add_script_option(CLI::App& command, RunOptions& options, const std::string& purpose);
 
-/// The run in the tree of `vessels`, a file or a folder. --entry is a branch's number, or X,Y,Z in mm (LPS);
-/// empty for the default. Throws InputError.
+/// The run in the tree of `vessels`, a file or a folder. --entry is a branch's number or name, or X,Y,Z in mm
+/// (LPS); empty for the default. Throws InputError.
 RunRequest parse_run(const RunOptions& options, const std::filesystem::path& vessels);
 
 }  // namespace xraycast::cli

@@ -17,8 +17,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 CHAPTERS = {
     "Use": ["docs/guide", "docs/commands", "docs/web", "docs/python", "docs/cohorts", "docs/haptics", "docs/gallery"],
     "Models and figures": ["docs/fluoroscopy", "docs/vessels", "docs/angiography", "docs/simulation", "docs/motion",
-                           "docs/motion-models", "docs/moving-maps", "docs/registration", "docs/accuracy",
-                           "docs/performance", "docs/reliability", "docs/glossary", "simulation/instruments/README"],
+                           "docs/motion-models", "docs/moving-maps", "docs/registration", "docs/realism",
+                           "docs/accuracy", "docs/performance", "docs/reliability", "docs/glossary", "simulation/instruments/README"],
     "Interfaces": ["python-api", "docs/api", "examples/README"],
     "Development": ["docs/architecture", "CONTRIBUTING", "CHANGELOG", "SECURITY"],
 }

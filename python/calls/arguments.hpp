@@ -39,7 +39,7 @@ class ModelsArgument : public nb::object {  ///< see make_instruments
   NB_OBJECT(ModelsArgument, nb::object, "collections.abc.Sequence[str | os.PathLike[str]]", always)
 };
 class EntryArgument : public nb::object {  ///< see run_of
-  NB_OBJECT(EntryArgument, nb::object, "int | numpy.typing.ArrayLike", always)
+  NB_OBJECT(EntryArgument, nb::object, "int | str | numpy.typing.ArrayLike", always)
 };
 class PhaseArgument : public nb::object {  ///< see motion_request_of
   NB_OBJECT(PhaseArgument, nb::object, "dict[str, float]", always)

@@ -36,7 +36,7 @@ def opacity(self):
 
 
 def tree(self):
-    return _core.VesselTree, ([(self[i].points, self[i].parent) for i in range(len(self))],)
+    return _core.VesselTree, ([(b.points, b.parent, b.name) for b in self.branches],)
 
 
 def body_map(self):

@@ -123,8 +123,8 @@ class _Fluoroscope:
 class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     """Reach the end of a branch.
 
-    tree: a VesselTree, or its file.  model, entry: as of Catheter, the entry as a branch's number or point.
-    target: the number of a leaf; default: another leaf in each episode.
+    tree: a VesselTree, or its file.  model, entry: as of Catheter, the entry as a branch's number, its vessel's name, or a point.
+    target: the number of a leaf, or its vessel's name; default: another leaf in each episode.
     ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in one step.
     max_steps: the number of steps after which an episode is truncated.
     body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as in its render or
@@ -161,6 +161,8 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         view = _checked_view(body, dict(lao=lao, cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm))
         self.vessels = tree if isinstance(tree, VesselTree) else VesselTree.read(tree)
         self.tree, self.model, self.entry = _Tree(self.vessels), model, entry
+        if isinstance(target, str):
+            target = self._leaf_named(target)
         if target is not None and target not in self.tree.leaves:
             raise InputError(f"target {target}: is not a leaf of the tree; give one of {self.tree.leaves}")
         self.motion = {"motion": motion, "phase": phase}
@@ -185,6 +187,12 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         else:
             phases = len(self.modes) if observe_phases else 0
             self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6 + phases,), np.float32)
+
+    def _leaf_named(self, name):
+        leaves = [branch for branch in self.vessels.named(name) if branch in self.tree.leaves]
+        if len(leaves) != 1:
+            raise InputError(f'target "{name}": has {len(leaves)} ends; give the number of a leaf')
+        return leaves[0]
 
     def _check_targets_are_seen(self):
         for leaf in self.tree.leaves if self.target_given is None else [self.target_given]:

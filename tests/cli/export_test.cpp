@@ -120,6 +120,29 @@ TEST_F(Export, SimulatesTheRunAgain) {
   EXPECT_EQ(written(line, "run.html"), page);
 }
 
+TEST_F(Export, SteersByItself) {
+  write_map(small_map());
+  write_vessels();
+  const std::string page = written(
+      "@/map.exr --vessels @/vessels --live --device-model microcatheter-27f --device-model "
+      "guidewire-014-straight "
+      "--devices microcatheter-24f,guidewire-014-straight --script @/pair.csv -o @/live.html",
+      "live.html");
+  EXPECT_THAT(page, HasSubstr("script-src 'unsafe-inline' 'wasm-unsafe-eval';"));
+  EXPECT_THAT(page, HasSubstr("form-action 'none'; worker-src blob:\""));
+  EXPECT_THAT(page, HasSubstr("id=\"simulation\">eNr"));  // deflated most
+  const Json header = header_of(page), &choices = header["trainer"]["choices"];
+  ASSERT_EQ(choices.size(), 3u);  // each once
+  EXPECT_EQ(choices[2]["name"], "microcatheter-24f");
+  EXPECT_EQ(header["trainer"]["used"], Json({0, 1}));
+  EXPECT_EQ(header["live"]["instruments"].size(), 2u);
+  EXPECT_EQ(header["run"]["pictures"], 4);  // for a browser without WebAssembly
+  EXPECT_EQ(header["parts"]["trainer"][1].get<int>() % 8, 0);
+  const std::string other = written("@/map.exr -o @/page.html", "page.html");
+  EXPECT_THAT(other, Not(HasSubstr("'wasm-unsafe-eval';")));
+  EXPECT_THAT(other, HasSubstr("id=\"simulation\"></script>"));
+}
+
 TEST_F(Export, SimulatesAWireInACatheter) {
   write_map(small_map());
   write_vessels();
@@ -313,6 +336,17 @@ const BadExport kBadExports[] = {
     {"TooManyControlPoints", "@/map.exr --catheter @/long_catheter.csv -o @/page.html",
      "long_catheter.csv: more than 5000 lines, but an export holds a catheter of at most 5000 control "
      "points; give fewer"},
+    {"LiveWithoutVessels", "@/map.exr --live -o @/page.html",
+     "--live: there are no vessels to steer in; give --vessels too"},
+    {"LiveScene", "@/map.exr --vessels @/vessels --live -o @/page.glb", "--live does not apply to"},
+    {"DevicesWithoutLive", "@/map.exr --vessels @/vessels --devices pigtail-5f -o @/page.html",
+     "--devices does not apply without --live; leave it out or give --live too"},
+    {"UnknownDevices",
+     "@/map.exr --vessels @/vessels --live --device-model microcatheter-27f --devices cobra-9f -o "
+     "@/page.html",
+     "--devices"},
+    {"LiveGate", "@/map.exr --vessels @/vessels --live --gate heart=0.5 -o @/page.html",
+     "--gate does not apply with --live, whose body stands still; leave it out"},
     {"PrecisionOfAScene", "@/map.exr --precision half -o @/page.glb", "--precision does not apply to"},
     {"ScriptWithoutTheSecondsColumns",
      "@/map.exr --vessels @/vessels --script @/push.csv --device-model microcatheter-27f "
@@ -323,9 +357,9 @@ const BadExport kBadExports[] = {
      "--device-model microcatheter-27f -o @/page.html",
      "guidewire"},
     {"InstrumentWithoutRun", "@/map.exr --device-model cobra-5f -o @/page.html",
-     "--device-model does not apply without a run; leave it out or give --script too"},
+     "--device-model does not apply without a run; leave it out or give --script or --live too"},
     {"EntryWithoutRun", "@/map.exr --entry nonsense -o @/page.html",
-     "--entry does not apply without a run; leave it out or give --script too"},
+     "--entry does not apply without a run; leave it out or give --script or --live too"},
 };
 
 INSTANTIATE_TEST_SUITE_P(Export, BadExports, testing::ValuesIn(kBadExports),

@@ -12,8 +12,8 @@ TEST_F(SegmentCommand, SegmentsAPhantomsVessels) {
   EXPECT_THAT(keys_of(json), ElementsAre("input", "folder", "seg", "no_seg", "voxels", "lumen_mm3",
                                          "evidence", "window_hu", "noise_hu", "weak_share", "branches",
                                          "loops", "gaps_mm", "parts_left_out", "triangles", "timings_ms"));
-  for (const char* name :
-       {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"})
+  for (const char* name : {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "names.json", "surface.vtp",
+                           "surface.stl", "report.png"})
     EXPECT_TRUE(fs::exists(folder_ / "vessels" / name)) << name;
   // A map of floats that other programs and we read. The mask's wall lies where voxels are half full, so that
   // both have the same volume but for branches as thin as a voxel: those were 3 % when this was written.
@@ -188,8 +188,8 @@ TEST_F(SegmentCommand, VesselsOfOtherProgramsMakeTheSameFolder) {
   EXPECT_THAT(keys_of(json),
               ElementsAre("input", "folder", "branches", "loops", "triangles", "notes", "timings_ms"));
   EXPECT_EQ(json["branches"], 24);
-  for (const char* name :
-       {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"})
+  for (const char* name : {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "names.json", "surface.vtp",
+                           "surface.stl", "report.png"})
     EXPECT_TRUE(fs::exists(folder_ / "vessels" / name)) << name;
   // Without a scan there is no mask, and that of another one is removed.
   json_of("vessels @/vessels/tree.vtp -o @/vessels -q");

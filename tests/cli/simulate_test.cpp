@@ -11,8 +11,9 @@ TEST_F(SimulateCommand, SimulatesTheSameRunTwice) {
   const std::string line =
       "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv --plot @/forces.png -q -o ";
   const Json json = json_of(line + "@/first.csv");
-  EXPECT_THAT(keys_of(json), ElementsAre("tree", "device_model", "entry_branch", "entry_mm", "entry_side",
-                                         "held_s", "log", "rows", "simulated_s", "wall_s", "tip"));
+  EXPECT_THAT(keys_of(json),
+              ElementsAre("tree", "device_model", "entry_branch", "entry_vessel", "entry_mm", "entry_side",
+                          "held_s", "log", "rows", "simulated_s", "wall_s", "tip"));
   EXPECT_EQ(json["entry_mm"], Json({0, 0, 0}));  // the most inferior end
   EXPECT_EQ(json["rows"], 3);
   EXPECT_LT(json["wall_s"], json["simulated_s"]);
@@ -43,6 +44,28 @@ TEST_F(SimulateCommand, NamesTheEndsThatLieAsLowAsTheEntry) {
               HasSubstr("entry: end of branch 1 at (-80.0, 0.0, 0.0) mm, on the patient's right; "));
   EXPECT_EQ(json_of(line + " --entry 1")["entry_side"], "right");
   EXPECT_EQ(json_of(line + " --entry 80,0,0")["entry_side"], "left");
+}
+
+TEST_F(SimulateCommand, SaysTheNamesOfVessels) {
+  make_push(folder_);
+  write_bytes(folder_ / "tree.json", R"({"branches": [
+    {"id": 0, "parent": -1, "name": "aorta", "points": [[0, 0, 200, 8], [0, 0, 100, 8]]},
+    {"id": 1, "parent": 0, "points": [[0, 0, 100, 4], [-80, 0, 0, 4]]},
+    {"id": 2, "parent": 0, "points": [[0, 0, 100, 4], [80, 0, 3, 4]]}]})");
+  write_bytes(folder_ / "names.json", R"({"names": [
+    {"branch": 1, "name": "right iliac artery"}, {"at_mm": [78, 0, 5], "name": "left iliac artery"}]})");
+  const std::string line = "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv";
+  EXPECT_THAT(run(line).err,
+              HasSubstr("choose by --entry \"right iliac artery\" or --entry \"left iliac artery\""));
+  const Json json = json_of(line + " --entry Left_Iliac_Artery");
+  EXPECT_EQ(json["entry_vessel"], "left iliac artery");
+  EXPECT_EQ(json["tip"]["vessel"], "left iliac artery");
+  EXPECT_THAT(
+      output_of(line + " --entry right_iliac_artery"),
+      HasSubstr("entry: end of right iliac artery at (-80.0, 0.0, 0.0) mm, on the patient's right; tip: "
+                "in right iliac artery, "));
+  EXPECT_THAT(run(line + " --entry spleen").err,
+              HasSubstr("it has aorta, left iliac artery, right iliac artery"));
 }
 
 TEST_F(SimulateCommand, DrawsTwoInstrumentsInARunsCine) {

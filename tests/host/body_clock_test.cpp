@@ -325,7 +325,8 @@ TEST(BodyClock, RefusesBadCalls) {
     }
     return "accepted";
   };
-  EXPECT_THAT(message([&] { clock.hold("lung"); }), HasSubstr("no mode lung; choose one of breath, heart"));
+  EXPECT_THAT(message([&] { clock.hold("lung"); }),
+              HasSubstr("lung: the body has no such mode; choose one of breath, heart"));
   EXPECT_THAT(message([&] { clock.hold("heart", 1.1); }), HasSubstr("`phase` heart=1.1: must be 0 to 1"));
   EXPECT_THAT(message([&] { clock.set_speed("heart", -1); }), HasSubstr("`speed` -1: must be 0 to 100"));
   EXPECT_THAT(message([&] { clock.set_speed(NAN); }), HasSubstr("`speed` nan"));

@@ -78,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(CurvedAxis, BadLineTest,
                                                  "turns back"},
                                          BadLine{"Level", "a.csv", "0,0,1\n5,0,1\n", "turns back"},
                                          BadLine{"NoSuchBranch", "t.json#7", kTree, "no branch 7"},
-                                         BadLine{"NotABranch", "t.json#x", kTree, "number of a branch"}),
+                                         BadLine{"NotABranch", "t.json#x", kTree, "give a number"}),
                          [](const auto& bad) { return bad.param.name; });
 
 }  // namespace

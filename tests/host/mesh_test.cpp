@@ -1,5 +1,6 @@
 #include "xraycast/geometry/mesh.hpp"
 
+#include "support/bad_surface_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -11,7 +12,6 @@
 
 #include <cstring>
 #include <limits>
-#include <ostream>
 #include <string>
 #include <vector>
 
@@ -327,14 +327,6 @@ TEST(MeshFiles, TurnVtpMarkedRas) {
 
 // ---- damaged files --------------------------------------------------------------------------------------
 
-struct BadFile {
-  const char* name;
-  const char* file;
-  std::string content;
-  std::vector<const char*> message;  ///< parts of it
-};
-void PrintTo(const BadFile& file, std::ostream* out) { *out << file.name; }
-
 std::string cut(std::string text, std::size_t bytes) { return text.substr(0, text.size() - bytes); }
 
 VtpText with(std::string VtpText::*member, std::string value) {
@@ -353,7 +345,7 @@ std::string bomb(std::uint64_t block_B, const std::string& points = "4") {
   return text.str();
 }
 
-const BadFile kBadFiles[] = {
+const BadSurfaceFile kBadFiles[] = {
     {"UnknownExtension", "mesh.off", "ply", {"mesh.off", "surface", ".stl, .vtp, .vtk, .obj or .ply"}},
     {"ShortStl", "mesh.stl", "solemn", {"mesh.stl", "too short", "6 bytes"}},
     {"EmptyStl", "mesh.stl", "", {"mesh.stl", "too short"}},
@@ -523,18 +515,9 @@ const BadFile kBadFiles[] = {
      {"Points", "zlib data is damaged"}},
 };
 
-class BadMesh : public testing::TestWithParam<BadFile> {};
+class BadMesh : public testing::TestWithParam<BadSurfaceFile> {};
 
-TEST_P(BadMesh, IsRefusedWithItsReason) {
-  const TemporaryFolder folder;
-  write_whole_file(folder / GetParam().file, GetParam().content);
-  try {
-    read_mesh(folder / GetParam().file);
-    FAIL() << "was accepted";
-  } catch (const InputError& error) {
-    for (const char* part : GetParam().message) EXPECT_THAT(error.what(), HasSubstr(part));
-  }
-}
+TEST_P(BadMesh, IsRefusedWithItsReason) { expect_refused_with_its_reason(GetParam()); }
 
 INSTANTIATE_TEST_SUITE_P(Files, BadMesh, testing::ValuesIn(kBadFiles),
                          [](const auto& test) { return std::string(test.param.name); });

@@ -105,6 +105,40 @@ Error error_of(const PinholeCamera& found, const PinholeCamera& truth, const Vol
   return error;
 }
 
+/// Of a scan that is a small part of the picture, poses fit alike whatever of the rest is looked at.
+TEST(PoseFit, LooksAtThePartThatShowsTheScan) {
+  const Volume scan = body(4);
+  const ResidentScan resident = upload(device(), scan);
+  PinholeCamera camera = camera_at(scan, 20, 10);
+  camera.width = camera.height = 256;
+  camera.intrinsics[0][0] /= 3;  // the scan is some 44 pixels wide
+  camera.intrinsics[1][1] /= 3;
+  camera.intrinsics[2] = {127.5, 127.5, 1};
+  Xray xray = xray_of(resident, camera, 4);
+  xray.camera = camera;
+  const std::vector<std::uint8_t> mask(xray.pixels.size(), 1);
+  const GreyRange range = grey_range(xray, mask);
+  const auto level = [&](const PictureBox& box) {
+    return level_of(xray, mask, range, box, 1, ToneCurve(Tone::log_intensity));
+  };
+  const ViewLevel whole = level({0, 0, 256, 256}), near = level({70, 70, 186, 186});
+  const glm::dvec3 middle = 0.5 * (scan.geometry().lower_mm() + scan.geometry().upper_mm());
+  std::vector<RigidMotion> motions;
+  for (int i = 0; i < 6; ++i)
+    motions.push_back(
+        turned_and_moved(0.02 * i * glm::dvec3(1, -2, 1), 6.0 * i * glm::dvec3(1, 1, -1), middle));
+  Progress progress;
+  const std::vector<double> by_whole = PoseFit(resident, {&whole, 1}).similarities(motions, progress),
+                            by_near = PoseFit(resident, {&near, 1}).similarities(motions, progress);
+  for (std::size_t i = 0; i < motions.size(); ++i)
+    EXPECT_NEAR(by_whole[i], by_near[i], 1e-4) << i;  // rounding of rays
+  EXPECT_GT(by_whole[0], 0.8);
+  EXPECT_LT(by_whole[5], 0.5);
+  // Beside the picture there is nothing to fit.
+  const RigidMotion away = turned_and_moved({0, 0, 0}, {0, 0, 2000}, middle);
+  EXPECT_NEAR(PoseFit(resident, {&whole, 1}).similarities({&away, 1}, progress)[0], 0, 1e-9);
+}
+
 TEST(Registration, FindsPosesFromFarAway) {
   int good = 0;
   constexpr unsigned kSeeds = 3;

@@ -4,6 +4,7 @@
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/series/seg_reader.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -50,6 +51,52 @@ TEST(SegFile, PacksBitsAcrossFramesToAnEvenNumberOfBytes) {
       EXPECT_EQ(bit, i < mask.size() ? mask[i] : 0) << slices << " slices, voxel " << i;
     }
   }
+}
+
+TEST(SegFile, IsReadBackAsItWasWritten) {
+  for (int slices = 2; slices <= 5; ++slices) {
+    const TemporaryFolder folder;
+    const ScanInfo scan = read_series(folder, slices);
+    std::mt19937 random(1);
+    std::vector<std::uint8_t> mask(static_cast<std::size_t>(15 * slices));
+    for (std::uint8_t& voxel : mask) voxel = random() % 2;
+    write_seg(scan, 2, mask, {}, folder / "mask.dcm");
+    ASSERT_TRUE(is_seg_file(folder / "mask.dcm"));
+    EXPECT_FALSE(is_seg_file(folder / "slice0"));
+    const SegContent content = read_seg(folder / "mask.dcm");
+    EXPECT_EQ(content.geometry.size, Index3(5, 3, slices));
+    EXPECT_EQ(content.geometry.spacing_mm.z, 2);
+    EXPECT_EQ(content.segments, mask);
+    EXPECT_THAT(content.labels, testing::ElementsAre("Vessels"));
+    EXPECT_EQ(read_seg(folder / "mask.dcm", {"1"}).segments, mask);
+    EXPECT_EQ(read_seg(folder / "mask.dcm", {"vessels"}).segments, mask);
+  }
+}
+
+TEST(SegFile, SaysWhatCannotBeRead) {
+  const TemporaryFolder folder;
+  const ScanInfo scan = read_series(folder, 3);
+  write_seg(scan, 2, std::vector<std::uint8_t>(45, 1), {}, folder / "mask.dcm");
+  const std::string good = read_bytes(folder / "mask.dcm");
+  const auto complaint = [&](const std::string& bytes,
+                             const std::vector<std::string>& labels = {}) -> std::string {
+    write_bytes(folder / "other.dcm", bytes);
+    try {
+      read_seg(folder / "other.dcm", labels);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const auto replaced = [&](const std::string& from, const std::string& to) {
+    std::string bytes = good;
+    bytes.replace(bytes.find(from), from.size(), to);
+    return bytes;
+  };
+  EXPECT_THAT(complaint(good, {"aorta"}), HasSubstr("there is no such segment; the file has 1 (Vessels)"));
+  EXPECT_THAT(complaint(good.substr(0, good.size() - 4)), HasSubstr("truncated"));
+  EXPECT_THAT(complaint(replaced("BINARY", "BINERY")), HasSubstr("BINERY of 1 bits is not supported"));
+  EXPECT_THAT(complaint(replaced("1\\0\\0\\0\\1\\0", "1\\0\\0\\0\\9\\0")), HasSubstr("oblique"));
 }
 
 TEST(SegFile, IsNoneWhereItCouldNotReferToItsSlices) {

@@ -174,6 +174,28 @@ TEST(SpectrumModel, PassesEverythingThroughNothing) {
   }
 }
 
+TEST(SpectrumModel, FindsOpticalDepthsOfManyRaysAsOfOne) {
+  const SpectrumModel model(Spectrum::named("80"));
+  MaterialDepths depths;
+  constexpr std::size_t kRays = 5000;  // no multiple of what is computed at once
+  for (std::size_t m = 0; m < depths.size(); ++m)
+    for (std::size_t i = 0; i < kRays; ++i)
+      depths[m].push_back(static_cast<float>(i * (m + 3) % 101) * std::array{0.6F, 0.05F, 0.002F}[m]);
+  const std::vector<float> tau = model.tau(depths);
+  ASSERT_EQ(tau.size(), kRays);
+  for (std::size_t i = 0; i < kRays; ++i) {
+    const std::array<double, 3> g_cm2{depths[0][i], depths[1][i], depths[2][i]};
+    // 32 bits, of up to 16 of optical depth
+    ASSERT_NEAR(tau[i], -std::log(model.transmission(g_cm2)), 5e-6) << i;
+  }
+}
+
+TEST(SpectrumModel, HasNoRayThatIsTooLong) {
+  const SpectrumModel model(Spectrum::named("80"));
+  const auto tau = model.tau({{{2000}, {0}, {0}}});
+  EXPECT_NEAR(tau[0], -std::log(model.transmission(std::array{2000.0, 0.0, 0.0})), 1e-3);  // of 370: 32 bits
+}
+
 // ---- contents of voxels
 
 TEST(MaterialContents, AttenuateAsTheScanSays) {

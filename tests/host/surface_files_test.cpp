@@ -1,4 +1,5 @@
 // Surfaces of other programs: OBJ, PLY and VTK files as their formats are described, and damaged ones.
+#include "support/bad_surface_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -203,14 +204,6 @@ TEST(LegacyVtkFiles, BinaryIsBigEndian) {
 
 // ---- damaged files --------------------------------------------------------------------------------------
 
-struct BadFile {
-  const char* name;
-  const char* file;
-  std::string content;
-  std::vector<const char*> message;
-};
-void PrintTo(const BadFile& file, std::ostream* out) { *out << file.name; }
-
 const std::string kPlyHead =
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
@@ -222,7 +215,7 @@ std::string replaced(std::string text, const std::string& old, const std::string
 const std::string kPly = kPlyHead + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
 const std::string kVtk = std::string(kVtkHead) + kVtkPoints + kVtkPolygons;
 
-const BadFile kBadFiles[] = {
+const BadSurfaceFile kBadFiles[] = {
     {"EmptyObj", "a.obj", "", {"without a face"}},
     {"ObjWithoutFaces", "a.obj", "v 0 0 0\n", {"line 1", "without a face"}},
     {"ObjVertexOfTwoNumbers", "a.obj", "v 0 0\n", {"line 1: a vertex needs three numbers"}},
@@ -346,18 +339,9 @@ const BadFile kBadFiles[] = {
     {"OtherSurface", "a.off", "OFF", {".stl, .vtp, .vtk, .obj or .ply, not \".off\""}},
 };
 
-class BadSurface : public testing::TestWithParam<BadFile> {};
+class BadSurface : public testing::TestWithParam<BadSurfaceFile> {};
 
-TEST_P(BadSurface, IsRefusedWithItsReason) {
-  const TemporaryFolder folder;
-  write_whole_file(folder / GetParam().file, GetParam().content);
-  try {
-    read_mesh(folder / GetParam().file);
-    FAIL() << "was accepted";
-  } catch (const InputError& error) {
-    for (const char* part : GetParam().message) EXPECT_THAT(error.what(), HasSubstr(part));
-  }
-}
+TEST_P(BadSurface, IsRefusedWithItsReason) { expect_refused_with_its_reason(GetParam()); }
 
 INSTANTIATE_TEST_SUITE_P(Files, BadSurface, testing::ValuesIn(kBadFiles),
                          [](const auto& test) { return std::string(test.param.name); });

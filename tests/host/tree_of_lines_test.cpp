@@ -440,6 +440,8 @@ TEST(TreeOfLines, CutsTheThinnestPieceOfALoopAtItsWiderEnd) {
       tree_of({straight({0, 0, 0}, fork, 4), straight(fork, left, 3), straight(fork, right, 3),
                straight(left, {-40, 0, 60}, 3), straight(right, {40, 0, 60}, 3), bridge});
   EXPECT_EQ(made.loops_cut, 1);
+  ASSERT_EQ(made.loops.size(), 1u);
+  EXPECT_TRUE(made.tree.branches()[static_cast<std::size_t>(made.loops[0])].children.empty());
   EXPECT_THAT(made.notes, testing::Contains(HasSubstr("1 loop cut")));
   // Trunk, one side in two parts, the other in one, as it has no fork any more, and the bridge.
   EXPECT_EQ(made.tree.branches().size(), 5u);

@@ -1,4 +1,6 @@
 """Vessels of other programs, as `xraycast vessels` makes them."""
+import pickle
+
 import numpy
 import pytest
 
@@ -28,6 +30,27 @@ def test_a_surface_in_metres_has_its_tree(tmp_path):
     assert vessels.report().shape[2] == 3
     vessels.write(tmp_path / "vessels")
     assert (tmp_path / "vessels" / "tree.vtp").exists() and not (tmp_path / "vessels" / "mask.nrrd").exists()
+
+
+def test_branches_have_names(tmp_path):
+    fork = [([(0, 0, 90, 5), (0, 0, 40, 5)], -1, "aorta"), ([(0, 0, 40, 3), (40, 0, 0, 3)], 0, "left iliac artery"),
+            ([(0, 0, 40, 3), (-40, 0, 0, 3)], 0)]
+    tree = xc.VesselTree(fork)
+    assert [branch.name for branch in tree.branches] == ["aorta", "left iliac artery", ""]
+    assert tree.named("Left_iliac_artery") == [1]
+    assert [branch.name for branch in pickle.loads(pickle.dumps(tree)).branches] == ["aorta", "left iliac artery", ""]
+    tree.write(tmp_path / "tree.json")
+    (tmp_path / "names.json").write_text('{"names": [{"branch": 2, "name": "right iliac artery"}]}')
+    assert xc.VesselTree.read(tmp_path / "tree.json").branches[2].name == "right iliac artery"
+    run = xc.Catheter(tree, "cobra-5f", entry="left iliac artery")
+    assert run.state.branch == 1 and run.state.vessel == "left iliac artery"
+    for call, words in [(lambda: tree.named("spleen"), 'name "spleen": no branch of the tree has this name; it has aorta, left'),
+                        (lambda: xc.Catheter(tree, "cobra-5f", entry="spleen"), "entry spleen: no branch of the tree"),
+                        (lambda: xc.VesselTree([(fork[0][0], -1, 7)]), "branches[0]: name must be text"),
+                        (lambda: xc.VesselTree([(fork[0][0], -1, "a" * 81)]), "more than 80 bytes")]:
+        with pytest.raises(xc.InputError) as error:
+            call()
+        assert words in str(error.value)
 
 
 def test_bad_requests(tmp_path):

@@ -80,6 +80,15 @@ def test_lists_of_poses_are_the_single_pictures(body):
         matrices[3]
 
 
+def test_many_cameras_are_those_one_by_one(body):
+    cones = [body.project(lao, 5, (900, 700), (1000, 1500)) for lao in (0, 30, 60, 90, 120)]  # more than are projected at once
+    several = body.project(K=[cone.K for cone in cones], RT=[cone.RT for cone in cones], size=(900, 700), gradient=True)
+    assert len(several) == 5 and several.gradient.shape == (5, 700, 900, 6)
+    for found, cone in zip(several, cones):
+        one = body.project(K=cone.K, RT=cone.RT, size=(900, 700), gradient=True)
+        assert np.array_equal(found.tau, one.tau) and np.array_equal(found.gradient, one.gradient)
+
+
 def test_a_call_twice_gives_the_same_picture(body):
     assert np.array_equal(body.project(lao=30).tau, body.project(lao=30).tau)
 

@@ -85,6 +85,19 @@ def test_exports_pages_and_scenes(tree, small_map, tmp_path):
     np.testing.assert_array_equal(frame.tau, small_map.render().tau)
 
 
+def test_exports_a_page_that_steers(tree, small_map, tmp_path):
+    page = tmp_path / "page.html"
+    xc.export(small_map, page, vessels=tree, live=["microcatheter-27f"], devices=["microcatheter-24f"], entry=0)
+    header = header_of(page)
+    assert [choice["name"] for choice in header["trainer"]["choices"]] == ["microcatheter-27f", "microcatheter-24f"]
+    assert header["trainer"]["used"] == [0] and header["live"]["has_hub"]
+    for wrong, words in [({"live": ["microcatheter-27f"]}, "live: steers in a tree"),
+                         ({"devices": ["microcatheter-27f"]}, "devices, entry: without live"),
+                         ({"vessels": tree, "live": "microcatheter-27f"}, "live: must be a list")]:
+        with pytest.raises(xc.InputError, match=words):
+            xc.export(small_map, page, **wrong)
+
+
 def test_exports_a_map_that_moves(tree, tmp_path):
     for name in ("breath", "heart"):
         (tmp_path / f"{name}.tfm").write_text("#Insight Transform File V1.0\nTransform: TranslationTransform_double_3_3\n"

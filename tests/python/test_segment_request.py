@@ -37,7 +37,7 @@ def test_vessels_of_a_mask_are_the_same_from_a_file_an_array_and_vessels(scan):
 def test_the_program_and_python_write_the_same_files(scan, tmp_path):
     vessels = scan.segment(from_mask="mask.nrrd", surface="tubes", root_mm=(12, 0, 40))
     vessels.write(tmp_path / "python")
-    names = {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl"}
+    names = {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "names.json", "surface.vtp", "surface.stl"}
     assert {file.name for file in (tmp_path / "python").iterdir()} == names
     if not PROGRAM:
         pytest.skip("without the program")

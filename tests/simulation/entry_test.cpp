@@ -2,6 +2,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/catheter/vessel_entry.hpp"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/geometry/branch_names.hpp"
 
 #include <gmock/gmock.h>
 
@@ -94,6 +95,28 @@ TEST(Entry, ThatDoesNotExistIsNamed) {
   EXPECT_EQ(message({3, "field"}), "field: there is no branch 3; the tree has branches 0 to 2");
   EXPECT_EQ(message({-1}), "entry: there is no branch -1; the tree has branches 0 to 2");
   EXPECT_EQ(message({glm::dvec3(0, 0, 160)}), "entry: the nearest vessel end, 0,0,100, is 60 mm away");
+}
+
+TEST(Entry, IsChosenByTheNameOfAVesselWithOneEnd) {
+  const InstrumentModel instrument = InstrumentModel::named("cobra-5f");
+  const auto named = [&](const std::vector<std::string>& names) {
+    return with_branch_names(forked(), names);
+  };
+  const auto message = [&](const VesselTree& tree, const std::string& name) -> std::string {
+    try {
+      find_entry(tree, {name, "entry " + name}, instrument);
+      return "";
+    } catch (const InputError& error) {
+      return error.what();
+    }
+  };
+  const VesselTree tree = named({"aorta", "right", "left"});
+  EXPECT_EQ(find_entry(tree, {std::string("Left")}, instrument).branch, 2);
+  EXPECT_TRUE(find_entry(tree, {std::string("aorta")}, instrument).at_start);
+  EXPECT_EQ(message(tree, "spleen"),
+            "entry spleen: no branch of the tree has this name; it has aorta, left, right");
+  EXPECT_EQ(message(named({"", "iliac", "iliac"}), "iliac"),
+            "entry iliac: this vessel has 2 ends, in branches 1 to 2; choose one of these by its number");
 }
 
 TEST(Entry, ThatIsTooNarrowNamesOthersThatAreNot) {

@@ -1,5 +1,6 @@
 """PROGRAM VENV: a DICOM Segmentation of ours, as highdicom reads it. VENV is a virtual environment that has it. Exits with
 77 without one."""
+import json
 import os
 import pathlib
 import random
@@ -55,6 +56,48 @@ class Segmentation(unittest.TestCase):
         self.assertEqual(volume.frame_of_reference_uid, self.slices[0].FrameOfReferenceUID)
         # highdicom orders slices from the head down.
         self.assertTrue((volume.array[::-1, ..., 0] == self.mask).all())
+
+    def segmentation_of(self, masks, kind):
+        """A DICOM Segmentation as highdicom writes it, which leaves out frames without voxels."""
+        codes = highdicom.sr.CodedConcept("91747007", "SCT", "Lumen of blood vessel")
+        segments = [highdicom.seg.SegmentDescription(
+            segment_number=number, segment_label=label, segmented_property_category=codes, segmented_property_type=codes,
+            algorithm_type=highdicom.seg.SegmentAlgorithmTypeValues.MANUAL)
+            for number, label in enumerate(masks, start=1)]
+        pixels = numpy.stack(list(masks.values()), axis=-1)
+        if kind == "LABELMAP":
+            pixels = (pixels * numpy.arange(1, len(masks) + 1)).max(axis=-1)
+        seg = highdicom.seg.Segmentation(
+            source_images=self.slices, pixel_array=pixels.astype(float if kind == "FRACTIONAL" else numpy.uint8),
+            segmentation_type=kind, segment_descriptions=segments, series_instance_uid=highdicom.UID(), series_number=7,
+            sop_instance_uid=highdicom.UID(), instance_number=1, manufacturer="none", manufacturer_model_name="none",
+            software_versions="1", device_serial_number="1", omit_empty_frames=True)
+        path = self.folder / f"{kind}.dcm"
+        seg.save_as(path)
+        return path
+
+    def mask_of(self, folder):
+        return numpy.frombuffer((folder / "mask.nrrd").read_bytes().partition(b"\n\n")[2], numpy.uint8).reshape(self.mask.shape)
+
+    def test_segments_of_others_are_vessels(self):
+        above = numpy.zeros_like(self.mask)
+        above[40:] = self.mask[40:]
+        masks = {"aorta_and_arch": above, "below": self.mask - above}
+        for kind in ("BINARY", "FRACTIONAL", "LABELMAP"):
+            with self.subTest(kind):
+                seg, folder = self.segmentation_of(masks, kind), self.folder / kind
+                self.assertLess(pydicom.dcmread(seg).NumberOfFrames, 2 * len(self.slices), "frames are left out")
+                run("vessels", seg, "-o", folder, "--like", self.folder / "series")
+                # The largest component alone: all but what the phantom's mask has apart.
+                kept = self.mask_of(folder)
+                self.assertTrue((kept <= self.mask).all())
+                self.assertGreater(kept.sum(), 0.98 * self.mask.sum())
+                names = {entry["name"] for entry in json.loads((folder / "names.json").read_text())["names"]}
+                self.assertEqual(names, {"aorta and arch", "below"})
+                run("vessels", seg, "-o", folder, "--like", self.folder / "series", "--label", "2")
+                self.assertEqual(self.mask_of(folder)[40:].sum(), 0)
+        told = subprocess.run([PROGRAM, "vessels", seg, "-o", folder, "--label", "spleen"], capture_output=True, text=True)
+        self.assertIn("--label spleen: there is no such segment; the file has 1 (aorta_and_arch), 2 (below)", told.stderr)
 
     def test_finds_the_mask_by_the_frames_of_one_file(self):
         for data in self.slices:

@@ -24,7 +24,7 @@ const { MotionMode, phase_weights } = await module_of("motion_mode.ts");
 const { bands_at, key_before, owner_of, rounded, shares_at } = await module_of("key_maps.ts");
 const { Lattice } = await module_of("moving_lattice.ts");
 const { ShownPhases } = await module_of("motion_player.ts");
-const { TraceLog } = await module_of("motion_chart.ts");
+const { TraceLog } = await module_of("traces.ts");
 const { Store, first_state } = await module_of("state.ts");
 const { picture_at, shown_time_s } = await module_of("instrument_shape.ts");
 const { step_s } = await module_of("run_player.ts");
@@ -40,7 +40,10 @@ const { message_of } = await module_of("live_message.ts");
 const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
 const { LastLoads } = await module_of("live.ts");
-const { LastTraces } = await module_of("live_body.ts");
+const { Recording } = await module_of("recording.ts");
+const { figures_of } = await module_of("report.ts");
+const { held_on } = await module_of("gamepad.ts");
+const { LastTraces, breath_of } = await module_of("live_body.ts");
 
 const kRun = { pictures: 151, step_s: 1 / 15, instruments: [] };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
@@ -279,6 +282,42 @@ test("traces are of the last six seconds, and of nothing that is missing", () =>
   assert.ok(exposures_s.length > 115 && exposures_s.every((age_s) => age_s >= 0 && age_s <= 6.001));
   traces.add(told(300)); // what came between was lost
   assert.equal(traces.shown.modes[1].values.length, 10);
+});
+
+test("a breath hold holds the breath", () => {
+  assert.deepEqual([["cough", "breath", "heart"], ["heart", "cough"], ["heart"]].map(breath_of), ["breath", "cough", undefined]);
+});
+
+test("a line is at the phase of a gate, which another mode does not have", () => {
+  const log = new TraceLog(2);
+  log.add(() => [0.5, 0.25], 0);
+  const { modes, exposures_s } = log.shown((m) => ({ name: "ab"[m], is_held: m === 1, gate: m === 0 ? 0.75 : null }));
+  assert.deepEqual([modes[0].gate, modes[1].gate, modes[1].is_held, modes[0].values.at(-1), exposures_s], [0.75, null, true, 0.5, []]);
+});
+
+test("a run is recorded as a script", () => {
+  const recording = new Recording(), at = (time_s, ...poses) => ({ time_s, instruments: poses.map(([insertion_mm, rotation_deg]) => ({ insertion_mm, rotation_deg })) });
+  for (const [k, mm] of [0, 0, 0, 0, 2, 3, 3, 3, 3, 5].entries()) recording.add(at(7 + 0.1 * k, [mm, -1], [0, 0]));
+  recording.add(at(7.2, [4, 0], [0, 0])); // late
+  const [names, ...rows] = recording.csv().trim().split("\n");
+  assert.equal(names, "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg");
+  assert.deepEqual(rows.map((row) => row.split(",").slice(0, 2).map(Number)), [[0, 0], [0.3, 0], [0.4, 2], [0.5, 3], [0.8, 3], [0.9, 5]]);
+  recording.clear();
+  assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg\n");
+});
+
+test("figures have names and units", () => {
+  const numbers = [12, 3, 100, Math.PI, 2, 0.5, 0.25, 0.002, 0.4, 0.01, 1, 40, 0, 0, 0, 0, 0, 0, 0, 0], { instruments, ...run } = figures_of(numbers, { fluoroscopy_s: 4, injected_ml: 5 });
+  assert.deepEqual(run, { time_s: 12, idle_s: 3, fluoroscopy_s: 4, injected_ml: 5 });
+  assert.deepEqual(instruments[0], { tip_path_mm: 100, turned_deg: 180, reversals: 2, largest_force_N: 0.5, mean_force_N: 0.25, largest_torque_mNm: 2, largest_wall_force_N: 0.4, wall_impulse_Ns: 0.01, exchanges: 1 });
+  assert.deepEqual([instruments.length, instruments[1].tip_path_mm], [2, 40]);
+});
+
+test("a gamepad's stick has a dead zone", () => {
+  const pad = (x, y, ...pressed) => held_on({ axes: [x, y], buttons: Array.from({ length: 4 }, (_, b) => ({ pressed: pressed.includes(b) })) });
+  assert.deepEqual(pad(0.1, -0.15), { push: 0, turn: 0, pedal: false, inject: false });
+  assert.deepEqual(pad(1, -1, 0), { push: 1, turn: 1, pedal: true, inject: false });
+  assert.deepEqual(pad(0, 1, 1), { push: -1, turn: 0, pedal: false, inject: true });
 });
 
 test("contrast agent moves with the body", () => {

@@ -2,7 +2,7 @@
 #include "xraycast/serving/browser_hand.hpp"
 
 #include "xraycast/haptics/hand_rates.hpp"
-#include "xraycast/serving/browser_message.hpp"
+#include "xraycast/trainer/browser_message.hpp"
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>

@@ -51,6 +51,18 @@ TEST_F(Console, HoldsTheLastImage) {
   EXPECT_EQ(console_.dose().pulses, 1) << "settling counts no dose";
 }
 
+TEST_F(Console, TakesMasksOfAWholeCycleHoweverFastTheBodyMoves) {
+  console_.subtract(true);
+  console_.match_masks(MaskMatching{.cycle_s = 0.8});
+  for (const auto& [speed, pulses] : {std::pair{1.0, 13}, std::pair{0.5, 25}, std::pair{2.0, 7}}) {
+    console_.set_motion_speed(speed);
+    console_.take_new_mask();
+    int taken = 0;
+    for (; console_.is_masking() && taken < 100; ++taken) expose(false);
+    EXPECT_EQ(taken, pulses) << "of 15 a second at speed " << speed;
+  }
+}
+
 TEST_F(Console, PulsesAtItsRateWhileThePedalIsDown) {
   FluoroscopyOptions slow = options();
   slow.pulses_per_s = 7.5;

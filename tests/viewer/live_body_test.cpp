@@ -128,6 +128,15 @@ TEST(LiveBody, TracesWhatHasPassed) {
   EXPECT_EQ(traces.samples[1].size(), 1200) << "six seconds";
 }
 
+TEST(LiveBody, ForgetsOldExposuresWithoutAMonitor) {
+  LiveBody body(breath_and_heart());
+  for (int pulse = 0; pulse < 600; ++pulse) {
+    body.advance(1.0 / 15);
+    body.mark_exposure(body.time_s());
+  }
+  EXPECT_EQ(body.traces().exposures_s.size(), 15 * 6) << "those of six seconds";
+}
+
 TEST(LiveBody, TracesAHoldFromWhereItBegan) {
   LiveBody body(breath_and_heart());
   body.advance(0.4);

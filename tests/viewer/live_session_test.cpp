@@ -316,7 +316,8 @@ TEST_F(Live, HoldsWhatClientsAskForAndSaysOnceWhatCannotBe) {
   EXPECT_TRUE(body.modes()[0].is_held);
   EXPECT_NEAR(body.modes()[1].phase, 0.25, 1e-9);
   EXPECT_EQ(body.speed(), 2);
-  EXPECT_EQ(log_, "the body goes on as it did: the body has no mode cough; choose one of breath, heart\n");
+  EXPECT_EQ(log_,
+            "the body goes on as it did: cough: the body has no such mode; choose one of breath, heart\n");
 }
 
 TEST_F(Live, HasNoBodyToHoldWhereItIsStill) {

@@ -56,6 +56,21 @@ TEST(PhaseMasks, GiveTheNearestAroundTheCycle) {
   EXPECT_THAT(masks.nearest(0.65, true), ElementsAre(0.5f));
 }
 
+TEST(PhaseMasks, AreNoMoreForALongWaveform) {
+  PhaseMasks masks;
+  for (int i = 0; i < 1000; ++i) {
+    const double phase = 0.001 * i;
+    masks.add(phase, std::vector{static_cast<float>(phase)});
+  }
+  EXPECT_EQ(masks.count(), 1000);
+  EXPECT_EQ(masks.kept(), PhaseMasks::kMost);
+  // Half a share of the phases from the middle of one, and a step of theirs.
+  for (const double phase : {0.0, 0.31, 0.77, 0.999})
+    EXPECT_NEAR(masks.nearest(phase, true)[0], phase, 0.5 / PhaseMasks::kMost + 0.001) << phase;
+  masks.clear();
+  EXPECT_EQ(masks.count(), 0);
+}
+
 /// A picture that is the same at the same phase.
 std::vector<float> body_at(double phase) { return std::vector<float>(12, static_cast<float>(1 + phase)); }
 

@@ -658,6 +658,28 @@ TEST_F(RendererTest, HalfTheColumnsShowTheSame) {
     }
 }
 
+TEST_F(RendererTest, LivePulsesHaveTheDepthsOfFullResolution) {
+  ComputeDevice device;
+  Progress progress;
+  const Phantom phantom = make_phantom("thorax", {.size = Index3{160, 160, 180}});
+  const ResidentScan scan = upload(device, generate(phantom, device, progress));
+  const VolumeGeometry& g = scan.geometry();
+  const glm::dvec3 middle = g.to_world_mm(0.5 * glm::dvec3(g.size - Index3(1)));
+  const MapGeometry geometry =
+      cylinder_map(g, 360, shell_radii_mm(RadiiRule::equal_area, 8, 200), glm::dvec2(middle));
+  Renderer renderer;
+  renderer.set_map(std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map));
+  View view{.cone = Cone{1000, 1500}, .width = 640, .height = 480};
+  view = fitted(view, bounds_of(geometry));
+  Style live;
+  live.pixels_per_column = kLivePixelsPerColumn;
+  const std::vector<float> full = renderer.tau(view, {}), coarse = renderer.tau(view, live);
+  double squares = 0;
+  for (std::size_t i = 0; i < full.size(); ++i) squares += std::pow(coarse[i] - full[i], 2);
+  // A pulse of fluoroscopy detects some thousand quanta in a pixel, whose noise is 0.03 of optical depth.
+  EXPECT_LT(std::sqrt(squares / static_cast<double>(full.size())), 0.01);
+}
+
 TEST_F(RendererTest, SpectrumMapsAreSummedBeforeTheSpectrum) {
   auto map = homogeneous(2);
   map->tau.clear();

@@ -42,6 +42,22 @@ TEST(SessionFile, KeepsTheTablesTravelAcross) {
                   testing::HasSubstr(": camera: across_mm is 12.5, 100000, which is farther than 10000 mm")));
 }
 
+TEST(SessionFile, KeepsTheInstantOfABodyThatMoves) {
+  const TemporaryFolder folder;
+  ViewSession session;
+  write_session(session, folder / "s.json");
+  EXPECT_EQ(read_whole_file(folder / "s.json").find("instant"), std::string::npos) << "as older sessions";
+  session.instant = {{"breath", 0.3125}, {"heart", 1}};
+  write_session(session, folder / "s.json");
+  EXPECT_EQ(read_session(folder / "s.json").instant, session.instant);
+
+  session.instant["heart"] = 1.5;
+  write_session(session, folder / "s.json");
+  EXPECT_THAT(
+      [&] { read_session(folder / "s.json"); },
+      testing::ThrowsMessage<InputError>(testing::HasSubstr(": instant: heart is 1.5, outside 0 to 1")));
+}
+
 TEST(SessionFile, ReadsTheOneCatheterOfAnOlderSession) {
   const TemporaryFolder folder;
   write_session({}, folder / "s.json");

@@ -1,5 +1,6 @@
 #include "xraycast/scene/vessel_pick.hpp"
 
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/sampling/clip_space.hpp"
 
 #include <gtest/gtest.h>
@@ -84,6 +85,9 @@ TEST(VesselPick, IsDescribedInWords) {
   EXPECT_EQ(describe(tree, place), "branch 1, 40 of 85 mm, radius 3.0 mm (mean 3.0), from branch 0, into 3");
   place.branch = 0;
   EXPECT_EQ(describe(tree, place), "branch 0, 40 of 100 mm, radius 3.0 mm (mean 5.0), into 1, 2");
+  const VesselTree named = with_branch_names(tree, {"aorta", "left iliac artery", "", ""});
+  EXPECT_EQ(describe(named, place),
+            "aorta, 40 of 100 mm, radius 3.0 mm (mean 5.0), into left iliac artery, 2");
 }
 
 }  // namespace

@@ -4,19 +4,23 @@ export interface Role {
   browsers: number;
 }
 
-export interface Listener {
+export interface LinkListener {
   told(message: ArrayBuffer): void;
   has_role(role: Role): void;
-  lost(): void;
+}
+
+/** To what runs the session, a server or a worker. */
+export interface SessionLink {
+  send(message: object): void;
 }
 
 const kSoon_ms = 500, kLate_ms = 8000; // from a loss to the next attempt
 
-export class Connection {
+export class Connection implements SessionLink {
   private socket: WebSocket | null = null;
   private wait_ms = kSoon_ms;
 
-  constructor(private readonly address: string, private readonly listener: Listener) {
+  constructor(private readonly address: string, private readonly listener: LinkListener & { lost(): void }) {
     this.open();
   }
 

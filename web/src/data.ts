@@ -76,6 +76,12 @@ interface LiveHeader {
   modes?: string[]; // of the body in motion, in order
 }
 
+/** Of a page that simulates by itself. */
+interface TrainerHeader {
+  choices: InstrumentHeader[]; // that may be taken
+  used: number[]; // of these at first, from the outermost on
+}
+
 /** Of contrast agent: a mesh has so many points and triangles for each, one drum behind the other. */
 interface Drums {
   drum_points: number;
@@ -98,6 +104,7 @@ export interface Header {
   catheters: (MeshHeader & Matter)[];
   run: RunHeader | null;
   live: LiveHeader | null;
+  trainer: TrainerHeader | null;
   pose: CArmPose;
   cone: Cone | null;
   is_of_session: boolean; // its pose is one that a viewer saved
@@ -156,6 +163,11 @@ export interface Live extends LiveHeader {
   contrast: MeshHeader & Contrast;
 }
 
+export interface Trainer extends TrainerHeader {
+  code: ArrayBuffer; // of the simulation
+  setup: Float64Array; // which that takes
+}
+
 export interface SessionData {
   header: Header;
   map: MapGeometry;
@@ -165,9 +177,10 @@ export interface SessionData {
   catheters: Surface[];
   run: Run | null;
   live: Live | null;
+  trainer: Trainer | null;
 }
 
-async function inflated(base64: string): Promise<Uint8Array> {
+export async function inflated(base64: string): Promise<Uint8Array> {
   const text = atob(base64), bytes = new Uint8Array(text.length);
   for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
@@ -282,7 +295,8 @@ function shapes_of({ pictures, unit_mm }: RunHeader, bytes: Uint8Array): Vec3[][
   return shapes;
 }
 
-export async function session_of(header: Header, base64: string): Promise<SessionData> {
+/** `simulation` is its code, deflated; without, a page that would simulate plays its run. */
+export async function session_of(header: Header, base64: string, simulation: string | null): Promise<SessionData> {
   const bytes = await inflated(base64);
   const part = (name: string) => {
     const [first, count] = header.parts[name] ?? [0, 0];
@@ -292,7 +306,8 @@ export async function session_of(header: Header, base64: string): Promise<Sessio
   const map = { ...header.map, reaches_mm: floats("reaches"), scales: floats("scales") };
   const surface_of = <Kind extends MeshHeader & Matter>(of: Kind, name: string) =>
     ({ ...of, mesh: mesh_of(of, part(`${name}_points`), part(`${name}_triangles`)) });
-  const { run, live } = header;
+  const simulates = header.trainer !== null && simulation !== null;
+  const run = simulates ? null : header.run, live = header.trainer && !simulates ? null : header.live;
   const shapes_of_instrument = (instrument: RunInstrumentHeader, d: number): RunInstrument =>
     ({ ...instrument, shapes: instrument.parts.map((_, p) => shapes_of(run!, part(`shapes_${d}_${p}`))) });
   return {
@@ -300,6 +315,7 @@ export async function session_of(header: Header, base64: string): Promise<Sessio
     motion: header.motion && motion_of(header.motion, header.map, part), vessels: header.vessels && surface_of(header.vessels, "vessel"),
     catheters: header.catheters.map((catheter, i) => surface_of(catheter, `catheter_${i}`)),
     run: run && { ...run, instruments: run.instruments.map(shapes_of_instrument) },
+    trainer: simulates ? { ...header.trainer!, code: (await inflated(simulation)).buffer as ArrayBuffer, setup: new Float64Array(part("trainer").slice().buffer) } : null,
     live: live && { ...live, contrast: surface_of(live.contrast, "contrast") },
   };
 }

@@ -1,16 +1,21 @@
 // A live session: the picture follows the server, and the controls on the page steer.
 import { BodyChange, BodyControls } from "./live_body";
-import { Connection, Role } from "./connection";
+import { Connection, Role, SessionLink } from "./connection";
 import { filled } from "./contrast";
-import type { Live } from "./data";
+import type { Live, Trainer } from "./data";
+import { Exchange, ExchangeOrder } from "./exchange";
 import { surfaces_of } from "./instrument_shape";
 import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
+import { Recording } from "./recording";
+import { Report, figures_of } from "./report";
+import { save_file } from "./saved_file";
 import type { Picture } from "./picture";
-import type { State, Store } from "./state";
+import type { Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
 import { Loads, LoadChart } from "./load_chart";
+import { TrainerLink } from "./trainer";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -63,26 +68,31 @@ export class LiveView {
   private readonly chart: LoadChart;
   private readonly body: BodyControls | null;
   private readonly loads: LastLoads;
+  private readonly recording = new Recording();
   private readonly steering: Steering;
-  private readonly connection: Connection | null;
+  private readonly exchange: Exchange | null;
+  private readonly connection: SessionLink | null;
   private newest: LiveMessage | null = null;
   private exposures = -1; // of the picture that is shown
   private has_moved = false; // the C-arm, by this page, since the server was told
   private held_hub = -1;
   private shown_ms = -Infinity;
   private is_due = false;
+  private is_new_here = false; // whoever steers, and is told how
 
-  constructor(private readonly live: Live, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
+  constructor(private readonly live: Live, private readonly trainer: Trainer | null, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
     private readonly stage: HTMLElement, private readonly redraw: () => void) {
     const names = live.instruments.map(({ name }) => name);
-    for (const id of ["live", "live-keys"]) element(id).hidden = false;
+    for (const id of ["live", "live-keys", "save-run"]) element(id).hidden = false;
+    element("save-run").addEventListener("click", () => save_file(new Blob([this.recording.csv()], { type: "text/csv" }), "run.csv"));
     this.show_keys(false);
     this.loads = new LastLoads(names);
     this.chart = new LoadChart(names, (hub) => this.loads.of(hub));
-    this.body = live.modes?.length ? new BodyControls(live.modes, (body) => this.send(undefined, body)) : null;
+    this.body = live.modes?.length ? new BodyControls(live.modes, (body) => this.send({ body })) : null;
     if (this.body) addEventListener("keydown", (event) => this.press(event), { capture: true });
-    this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send(action));
-    this.connection = location.protocol.startsWith("http") ? this.connect() : null;
+    this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send({ [action]: true }));
+    this.exchange = trainer && trainer.choices.length > names.length ? new Exchange(trainer, (exchange) => this.send({ exchange })) : null;
+    this.connection = trainer ? this.simulate(trainer, names) : location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
     store.on_change((state, before) => state.pose !== before.pose && this.steering.steers && this.tell_c_arm());
     setInterval(() => this.steering.steers && this.send(), kAlive_ms);
@@ -95,13 +105,37 @@ export class LiveView {
     });
   }
 
+  private simulate(trainer: Trainer, names: string[]): SessionLink {
+    const report = new Report(names, (text) => save_file(new Blob([text], { type: "application/json" }), "report.json"));
+    return new TrainerLink(trainer, {
+      figures: (numbers) => this.newest && report.told(figures_of(numbers, this.newest)),
+      told: (message) => this.told(message), has_role: (role) => this.has_role(role), refused: (why) => this.notes.tell(`${why}.`),
+      exchanged: (instrument, choice) => {
+        this.live.instruments[instrument] = trainer.choices[choice]!;
+        names[instrument] = trainer.choices[choice]!.name;
+        this.recording.clear();
+        this.exchange!.took(instrument, choice);
+        this.chart.rename(instrument, names[instrument]!);
+      },
+      failed: (why) => {
+        this.steering.steers = false;
+        this.notes.state(`The simulation has ended: ${why}.`);
+      },
+    });
+  }
+
   private told(bytes: ArrayBuffer): void {
     try {
       this.newest = message_of(bytes);
     } catch (error) {
       return this.notes.state((error as Error).message);
     }
+    if (this.newest.exposes && this.is_new_here) {
+      this.is_new_here = false;
+      this.notes.state("");
+    }
     this.loads.add(this.newest);
+    this.recording.add(this.newest);
     if (this.newest.body) this.body?.told(this.newest.body);
     if (this.is_due) return;
     this.is_due = true; // messages that come while a picture is drawn are passed over
@@ -135,8 +169,8 @@ export class LiveView {
   /** The picture's body, where the page has the maps of a body that moves. */
   private move_body({ body }: LiveMessage): void {
     if (!body) return;
-    const phases = body.modes.map(({ phase }) => phase), change: object = { phases };
-    if ("phases" in this.store.state) this.store.update(change as Partial<State>);
+    const phases = body.modes.map(({ phase }) => phase);
+    this.store.update({ phases, is_paused: false });
     document.documentElement.dataset.phases = phases.map((phase) => phase.toFixed(4)).join();
   }
 
@@ -151,6 +185,7 @@ export class LiveView {
     if (this.live.has_hub && held_hub !== this.held_hub) this.chart.choose(held_hub);
     this.held_hub = held_hub;
     this.chart.show();
+    this.exchange?.show(held_hub);
     element("live-readout").textContent = [
       `${this.live.instruments[held_hub]?.name ?? ""} ${fixed(held?.insertion_mm ?? 0, 0)} mm, ${fixed(held?.rotation_deg ?? 0, 0)}°`,
       `${exposes ? "fluoroscopy" : "held picture"} ${message.fluoroscopy_s.toFixed(0)} s`, `${!injects ? "" : message.has_outlet ? "injecting, " : "no lumen is free, draw the wire back to 0 mm to inject; "}${message.injected_ml.toFixed(0)} ml`,
@@ -168,6 +203,10 @@ export class LiveView {
     const others = browsers > 1 ? `; ${browsers} browsers are connected` : "";
     element("live-role").textContent = (steers ? this.live.has_hub ? "You steer" : "You have pedal and injector" : "You watch; another browser steers") + others;
     for (const button of element("live").querySelectorAll<HTMLButtonElement | HTMLSelectElement>("button, select")) button.disabled = !steers;
+    if (this.trainer) {
+      this.is_new_here = true;
+      this.notes.state(matchMedia("(pointer: coarse)").matches ? "Tap Fluoroscopy to see, and hold Push to advance." : "Hold X to see, ↑ to advance and I to inject; the other keys are under Help.");
+    }
     if (steers && document.activeElement === document.body) this.stage.focus({ preventScroll: true }); // Tab holds the next instrument
     this.send();
   }
@@ -199,13 +238,11 @@ export class LiveView {
     event.stopImmediatePropagation();
   }
 
-  private send(action?: SteeringAction, body?: BodyChange): void {
-    if (!this.steering.steers) return;
-    const { pose } = this.store.state, message: Record<string, unknown> = { ...this.steering.held };
-    if (this.has_moved) message.c_arm = { lao_deg: pose.lao_deg, cranial_deg: pose.cranial_deg, zoom: pose.zoom, table_mm: pose.table_mm };
-    if (action) message[action] = true;
-    if (body) message.body = body;
+  private send(once: { [action in SteeringAction]?: boolean } & { body?: BodyChange; exchange?: ExchangeOrder } = {}): void {
+    if (!this.steering.steers || !this.connection) return;
+    const { pose } = this.store.state, message: Record<string, unknown> = { ...this.steering.held, ...once };
+    if (this.has_moved && !this.trainer) message.c_arm = { lao_deg: pose.lao_deg, cranial_deg: pose.cranial_deg, zoom: pose.zoom, table_mm: pose.table_mm };
     this.has_moved = false;
-    this.connection!.send(message);
+    this.connection.send(message);
   }
 }

@@ -1,10 +1,10 @@
 // The body of a live session: its traces on the page, and the buttons and keys that hold modes, gate exposures and change the speed.
 import { LiveBody, kTraceStep_s } from "./live_message";
-import { Traces, draw_traces, traces_text } from "./traces";
+import { Traces, draw_traces, kTraceLength_s, traces_text } from "./traces";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
-const kKept_s = 6, kKeptValues = Math.round(kKept_s / kTraceStep_s);
+const kKeptValues = Math.round(kTraceLength_s / kTraceStep_s);
 const kRest = 0.75; // of a beat: where a heart rests
 
 /** What the server is asked to change (docs/web.md). */
@@ -20,6 +20,7 @@ export class LastTraces {
   private exposures_s: number[] = [];
   private end_s = -Infinity;
   private is_held: boolean[] = [];
+  private gates: (number | null)[] = [];
   constructor(private readonly names: readonly string[]) {
     this.values = names.map(() => []);
   }
@@ -32,21 +33,25 @@ export class LastTraces {
       kept.push(...(modes[m]?.trace ?? []));
       kept.splice(0, kept.length - kKeptValues);
     });
-    this.exposures_s = [...this.exposures_s, ...exposures_s].filter((at_s) => at_s > time_s - kKept_s && at_s <= time_s + 1);
+    this.exposures_s = [...this.exposures_s, ...exposures_s].filter((at_s) => at_s > time_s - kTraceLength_s && at_s <= time_s + 1);
     this.is_held = modes.map(({ is_held }) => is_held);
+    this.gates = modes.map(({ gate }) => gate);
     this.end_s = time_s;
   }
 
   get shown(): Traces {
     return {
-      modes: this.names.map((name, m) => ({ name, is_held: this.is_held[m] ?? false, values: this.values[m]! })), step_s: kTraceStep_s,
-      length_s: kKept_s, exposures_s: this.exposures_s.map((at_s) => Math.max(0, this.end_s - at_s)),
+      modes: this.names.map((name, m) => ({ name, is_held: this.is_held[m] ?? false, gate: this.gates[m] ?? null, values: this.values[m]! })), step_s: kTraceStep_s,
+      length_s: kTraceLength_s, exposures_s: this.exposures_s.map((at_s) => Math.max(0, this.end_s - at_s)),
     };
   }
 }
 
 /** What a button says that holds a mode. */
 const words_of_hold = (mode: string): string => (mode === "heart" ? "Arrest heart" : `Hold ${mode}`);
+
+/** The mode that a breath hold holds: that of the name, or else the first that is no heart. */
+export const breath_of = (modes: readonly string[]): string | undefined => modes.find((mode) => mode === "breath") ?? modes.find((mode) => mode !== "heart");
 
 export class BodyControls {
   private readonly canvas = element<HTMLCanvasElement>("live-traces");
@@ -99,7 +104,7 @@ export class BodyControls {
 
   /** B, K and G, as in the viewer's window but for its W. */
   takes(key: string): boolean {
-    const name = key === "b" ? this.names.find((mode) => mode !== "heart") : key === "k" ? this.names.find((mode) => mode === "heart") : undefined;
+    const name = key === "b" ? breath_of(this.names) : key === "k" ? this.names.find((mode) => mode === "heart") : undefined;
     if (name !== undefined) this.toggle_hold(name);
     else if (key === "g") this.toggle_gate();
     return name !== undefined || key === "g";

@@ -1,4 +1,4 @@
-// What the server tells of a live session, once a frame (viewer/xraycast/serving/browser_message.hpp).
+// What the server tells of a live session, once a frame (viewer/xraycast/trainer/browser_message.hpp).
 import type { Vec3 } from "./vectors";
 
 export interface LiveInstrument {

@@ -73,6 +73,11 @@ export class LoadChart {
     this.show();
   }
 
+  rename(hub: number, name: string): void {
+    this.choice.options[hub]!.text = name;
+    this.show();
+  }
+
   draw(): void {
     draw_loads(this.canvas, this.loads_of(this.hub));
   }

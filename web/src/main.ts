@@ -5,6 +5,7 @@ import { Header, SessionData, session_of } from "./data";
 import { shown_time_s } from "./instrument_shape";
 import { MotionPlayer, RunTraces } from "./motion_player";
 import { RunPlayer } from "./run_player";
+import { save_file } from "./saved_file";
 import { Actions, PictureControls } from "./picture_controls";
 import { LiveView } from "./live";
 import { draw_overlay } from "./overlay";
@@ -12,6 +13,7 @@ import { Picture } from "./picture";
 import { Notes } from "./notes";
 import { State, Store, first_state } from "./state";
 import { Tools } from "./tools";
+import { can_simulate } from "./trainer";
 import { label_of } from "./view";
 
 const kRest_ms = 150; // without a move, after which the picture is drawn fully
@@ -80,7 +82,7 @@ class Page {
     };
     const controls = new PictureControls(stage, store, picture, data.map.bounds, actions);
     this.player = data.run && data.run.pictures > 1 ? new RunPlayer(data.run, store) : null;
-    this.motion = data.motion && !data.run?.moves && !store.state.is_bare ? new MotionPlayer(data.motion, store) : null;
+    this.motion = data.motion && !data.run?.moves && !data.live && !store.state.is_bare ? new MotionPlayer(data.motion, store) : null;
     this.traces = data.motion && data.run?.moves ? new RunTraces(data.motion, store) : null;
     for (const line of document.querySelectorAll<HTMLElement>('[data-keys="motion"]')) line.hidden = !this.motion;
     this.tools = new Tools(data, store, controls, actions);
@@ -99,7 +101,7 @@ class Page {
     this.draw();
     notes.state("");
     this.load_keys();
-    if (data.live) new LiveView(data.live, store, picture, notes, stage, () => this.request());
+    if (data.live) new LiveView(data.live, data.trainer, store, picture, notes, stage, () => this.request());
   }
 
   /** The picture, or else the still one. */
@@ -174,7 +176,7 @@ class Page {
     const scale = this.resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
     const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare && !this.picture.held_pose;
     this.has_moved = false;
-    const body_moves = this.motion?.is_playing || (this.player?.is_playing && this.traces !== null) || false;
+    const body_moves = this.body_moves;
     const has_road_map = this.picture.draw(state, is_moving || body_moves, is_moving || (body_moves && this.pace.is_slow(performance.now()))), view = this.picture.view(state);
     const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
     draw_overlay(overlay, view, outlined, scale, !state.is_bare);
@@ -183,6 +185,12 @@ class Page {
     clearTimeout(this.rest_timer);
     if (!body_moves) this.pace.rest();
     if (is_moving) this.rest_timer = setTimeout(() => this.request(), Math.max(0, kRest_ms - rest_ms) + 1);
+  }
+
+  private get body_moves(): boolean {
+    if (!this.data.motion) return false;
+    if (this.data.live) return !this.picture.held_pose;
+    return this.motion?.is_playing || (this.player?.is_playing && this.traces !== null) || false;
   }
 
   private get shown_angles(): string {
@@ -222,13 +230,7 @@ class Page {
     Object.assign(whole, { width: canvas.width, height: canvas.height });
     context.drawImage(canvas, 0, 0);
     context.drawImage(overlay, 0, 0);
-    whole.toBlob((blob) => {
-      const link = document.createElement("a");
-      link.href = URL.createObjectURL(blob!);
-      link.download = `${this.shown_angles.replace(/[^A-Za-z0-9.]+/g, "-").toLowerCase()}.png`;
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-    }, "image/png");
+    whole.toBlob((blob) => save_file(blob!, `${this.shown_angles.replace(/[^A-Za-z0-9.]+/g, "-").toLowerCase()}.png`), "image/png");
   }
 
   private lose(event: Event): void {
@@ -257,11 +259,14 @@ async function open(): Promise<void> {
   notes.state("Opening the session …");
   const header = JSON.parse(element("session").textContent!) as Header, packed = element("data").textContent!.trim();
   element("data").remove(); // as long as the file: its memory is needed
-  const data = await session_of(header, packed), first = first_state(data);
+  const simulation = can_simulate() ? element("simulation").textContent!.trim() : null;
+  element("simulation").remove();
+  const data = await session_of(header, packed, simulation), first = first_state(data);
   const modes = data.motion?.modes.map(({ name }) => name) ?? [], store = new Store(state_of(location.hash, first, modes), first, data);
   const picture = Picture.on(canvas, data);
   if (!picture) return notes.state("This browser has no WebGL 2, so this is a still picture.");
   new Page(data, store, picture);
+  if (header.trainer && !data.trainer) notes.state(`This browser has no WebAssembly with vectors and exceptions, so nothing can be steered${data.run ? "; the run can be played" : ""}.`);
 }
 
 open().catch((error: Error) => notes.state(`This is a still picture: ${error.message}.`));

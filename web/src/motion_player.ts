@@ -1,7 +1,7 @@
 // The body's motion: it goes on, is held, or is shown at one phase alone; with the traces of its modes.
 import { BodyClock } from "./body_clock";
 import type { Motion } from "./data";
-import { TraceLog, draw_traces } from "./motion_chart";
+import { TraceLog, draw_traces } from "./traces";
 import { MotionMode } from "./motion_mode";
 import { Rhythm } from "./rhythm";
 import { step_s } from "./run_player";
@@ -119,7 +119,7 @@ export class MotionPlayer {
   }
 
   draw(): void {
-    draw_traces(this.chart, this.names, this.log, this.gate);
+    draw_traces(this.chart, this.log.shown((m) => ({ name: this.names[m]!, is_held: this.clock.is_held(m), gate: this.gate?.m === m ? this.gate.phase : null })));
   }
 
   /** Another state came by the address. */
@@ -183,6 +183,7 @@ export class MotionPlayer {
   }
 
   private mark(): void {
+    this.draw();
     this.play.textContent = this.plays ? "Pause body" : "Move body";
     this.holds.forEach((button, m) => button.setAttribute("aria-pressed", String(this.clock.is_held(m))));
     const held = this.names.filter((_, m) => this.clock.is_held(m));
@@ -193,11 +194,13 @@ export class MotionPlayer {
 /** The traces of a body that moves with a run. */
 export class RunTraces {
   private readonly names: readonly string[];
+  private readonly held: ReadonlySet<string>;
   private readonly rhythm: Rhythm;
   private readonly chart = element<HTMLCanvasElement>("motion-chart");
 
   constructor(motion: Motion, private readonly store: Store) {
     this.names = motion.modes.map(({ name }) => name);
+    this.held = new Set(Object.keys(motion.held));
     this.rhythm = new Rhythm(motion);
     element("motion").hidden = false;
     element("motion-controls").hidden = true;
@@ -208,6 +211,6 @@ export class RunTraces {
   draw(): void {
     const log = new TraceLog(this.names.length);
     log.add((time_s) => this.rhythm.traces_at(time_s), this.store.state.time_s);
-    draw_traces(this.chart, this.names, log, null);
+    draw_traces(this.chart, log.shown((m) => ({ name: this.names[m]!, is_held: this.held.has(this.names[m]!), gate: null })));
   }
 }

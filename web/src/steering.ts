@@ -1,4 +1,7 @@
-// Steering the instruments of a live session: keys as in the viewer's window, and buttons for fingers.
+// Steering the instruments of a live session: keys as in the viewer's window, buttons for fingers, and a gamepad.
+import { PadHand } from "./gamepad";
+import { clamp } from "./vectors";
+
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
 /** What is held down. */
@@ -33,9 +36,11 @@ export class Steering {
   private readonly keys = new Set<Control>();
   private readonly fingers = new Set<Control>();
   private readonly switches = new Set<Control>();
+  private readonly pad: PadHand;
 
   constructor(private readonly stage: HTMLElement, private readonly has_hub: boolean, private readonly has_valve: boolean,
     private readonly changed: () => void, private readonly act: (action: SteeringAction) => void) {
+    this.pad = new PadHand(() => this.steers && this.changed(), (action) => this.steers && this.has_valve && this.act(action));
     document.addEventListener("keydown", (event) => this.press(event), { capture: true });
     document.addEventListener("keyup", (event) => this.release(event), { capture: true });
     addEventListener("blur", () => this.let_go());
@@ -49,11 +54,16 @@ export class Steering {
   }
 
   get held(): Held {
-    return held_of(new Set([...this.keys, ...this.fingers, ...this.switches]));
+    const hand = held_of(new Set([...this.keys, ...this.fingers, ...this.switches])), { pad } = this;
+    return {
+      ...hand, push: clamp(hand.push + pad.held.push, -1, 1), turn: clamp(hand.turn + pad.held.turn, -1, 1),
+      pedal: hand.pedal || pad.held.pedal, inject: hand.inject || pad.held.inject,
+    };
   }
 
   let_go(): void {
     for (const holds of [this.keys, this.fingers, this.switches]) holds.clear();
+    this.pad.let_go();
     for (const id of Object.keys(kSwitches)) element(id).setAttribute("aria-pressed", "false");
     this.changed();
   }

@@ -1,9 +1,13 @@
-// ECG and breath of a body in motion as a monitor shows them, over the last seconds, with a mark at each exposure.
+// What a monitor shows of a body in motion over the last seconds: of the heart its ECG, of any other mode its phase, with a mark at
+// each exposure and a line at the phase of a gate.
+export const kTraceLength_s = 6;
+const kSample_s = 1 / 200; // as an ECG wants it
 
 /** Of one mode: values from 0 to 1, the newest last. */
 export interface Trace {
   name: string;
   is_held: boolean;
+  gate: number | null; // the phase that exposures wait for
   values: readonly number[];
 }
 
@@ -12,6 +16,35 @@ export interface Traces {
   step_s: number; // between values
   length_s: number; // of the whole width
   exposures_s: readonly number[]; // before the end
+}
+
+/** What a page's own clock has shown, one list a mode, at even times. */
+export class TraceLog {
+  readonly traces: number[][];
+  private next_s = -kTraceLength_s;
+
+  constructor(modes: number) {
+    this.traces = Array.from({ length: modes }, () => []);
+  }
+
+  /** Up to a time, while nothing is held or released. */
+  add(traces_at: (time_s: number) => readonly number[], until_s: number): void {
+    if (until_s < this.next_s - 1) this.clear(until_s);
+    this.next_s = Math.max(this.next_s, until_s - kTraceLength_s);
+    for (; this.next_s <= until_s; this.next_s += kSample_s) traces_at(this.next_s).forEach((value, m) => this.traces[m]!.push(value));
+    const most = Math.ceil(kTraceLength_s / kSample_s) + 1;
+    for (const trace of this.traces) trace.splice(0, Math.max(0, trace.length - most));
+  }
+
+  shown(state_of: (m: number) => Pick<Trace, "name" | "is_held" | "gate">): Traces {
+    return { modes: this.traces.map((values, m) => ({ ...state_of(m), values })), step_s: kSample_s, length_s: kTraceLength_s, exposures_s: [] };
+  }
+
+  /** Of another time: what led up to it. */
+  private clear(until_s: number): void {
+    for (const trace of this.traces) trace.length = 0;
+    this.next_s = until_s - kTraceLength_s;
+  }
 }
 
 const name_of = (mode: Trace): string => (mode.name === "heart" ? "ECG" : mode.name) + (mode.is_held ? ", held" : "");
@@ -30,13 +63,22 @@ export function draw_traces(canvas: HTMLCanvasElement, { modes, step_s, length_s
   context.fillStyle = style.getPropertyValue("--mark");
   for (const age_s of exposures_s) context.fillRect(width * (1 - age_s / length_s) - 0.5 * scale, height - 6 * scale, scale, 6 * scale);
   context.font = `${11 * scale}px system-ui, sans-serif`;
+  context.lineJoin = "round";
   modes.forEach((mode, m) => {
-    const bottom = (m + 1) * row - edge, last = mode.values.length - 1;
+    const last = mode.values.length - 1, y_of = (value: number) => (m + 1) * row - edge - value * (row - 2 * edge);
     context.strokeStyle = context.fillStyle = style.getPropertyValue(mode.name === "heart" ? "--ecg" : "--breath");
     context.lineWidth = 1.5 * scale;
     context.beginPath();
-    mode.values.forEach((value, i) => context.lineTo(width * (1 - ((last - i) * step_s) / length_s), bottom - value * (row - 2 * edge)));
+    mode.values.forEach((value, i) => context.lineTo(width * (1 - ((last - i) * step_s) / length_s), y_of(value)));
     context.stroke();
     context.fillText(name_of(mode), 4 * scale, m * row + 12 * scale);
+    if (mode.gate === null || mode.name === "heart") return; // a phase of the heart is no height of its ECG
+    context.setLineDash([4 * scale, 4 * scale]);
+    context.lineWidth = scale;
+    context.beginPath();
+    context.moveTo(0, y_of(mode.gate));
+    context.lineTo(width, y_of(mode.gate));
+    context.stroke();
+    context.setLineDash([]);
   });
 }

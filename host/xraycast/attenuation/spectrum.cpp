@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -231,13 +232,35 @@ std::vector<float> SpectrumModel::tau(const MaterialDepths& depths) const {
   constexpr std::size_t kRun = 4096;  // rays; long enough to be worth a thread
   parallel_for(static_cast<std::int64_t>((rays + kRun - 1) / kRun), [&](std::int64_t run) {
     const std::size_t first = static_cast<std::size_t>(run) * kRun;
-    for (std::size_t ray = first; ray < std::min(first + kRun, rays); ++ray) {
-      std::array<double, kMaterials.size()> g_cm2;
-      for (std::size_t m = 0; m < g_cm2.size(); ++m) g_cm2[m] = depths[m][ray];
-      tau[ray] = static_cast<float>(std::max(-std::log(transmission(g_cm2)), 0.0));
-    }
+    for (std::size_t ray = first; ray < std::min(first + kRun, rays); ray += kRaysAtOnce)
+      find_tau(depths, ray, std::min(kRaysAtOnce, rays - ray), tau.data() + ray);
   });
   return tau;
+}
+
+/// Relative to the bin that passes best, so that no ray is too long for 32 bits.
+void SpectrumModel::find_tau(const MaterialDepths& depths, std::size_t first, std::size_t count,
+                             float* tau) const {
+  using Rays = Eigen::Array<float, kRaysAtOnce, 1>;
+  std::array<Rays, kMaterials.size()> g_cm2;
+  for (std::size_t m = 0; m < g_cm2.size(); ++m) {
+    g_cm2[m].setZero();
+    std::copy_n(depths[m].data() + first, count, g_cm2[m].data());
+  }
+  const auto depth = [&](std::size_t bin) {
+    return static_cast<float>(cm2_g_[0][bin]) * g_cm2[0] + static_cast<float>(cm2_g_[1][bin]) * g_cm2[1] +
+           static_cast<float>(cm2_g_[2][bin]) * g_cm2[2];
+  };
+  Rays least = depth(0), passed = Rays::Zero();
+  float all = 0;  // as 32 bits add the weights up, so that nothing attenuates nothing
+  for (std::size_t bin = 1; bin < weights_.size(); ++bin) least = least.min(depth(bin));
+  for (std::size_t bin = 0; bin < weights_.size(); ++bin) {
+    const auto weight = static_cast<float>(weights_[bin]);
+    passed += weight * (least - depth(bin)).exp();
+    all += weight;
+  }
+  const Rays found = (least - (passed / all).log()).max(0);
+  std::copy_n(found.data(), count, tau);
 }
 
 std::vector<std::array<float, 4>> SpectrumModel::table() const {

@@ -82,6 +82,9 @@ class SpectrumModel {
   std::vector<std::array<float, 4>> table() const;
 
  private:
+  static constexpr std::size_t kRaysAtOnce = 64;
+  void find_tau(const MaterialDepths& depths, std::size_t first, std::size_t count, float* tau) const;
+
   std::vector<double> weights_;             ///< share of every bin in the energy
   std::vector<std::vector<double>> cm2_g_;  ///< for each material, mu/rho of every bin
 };

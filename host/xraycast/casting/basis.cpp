@@ -42,7 +42,7 @@ std::vector<std::int64_t> count_hu(const ResidentScan& scan) {
   std::vector<std::uint32_t> of_bricks(static_cast<std::size_t>(scan.layout().bricks) * XRC_HISTOGRAM_BINS,
                                        0);
   const cl::Buffer counts = device.upload(std::span<const std::uint32_t>(of_bricks), CL_MEM_READ_WRITE);
-  cl::Kernel kernel = device.kernel("basis", "count_hu", scan.build_options());
+  cl::Kernel kernel = device.kernel("basis", "count_hu");
   set_args(kernel, scan.voxels(), scan.layout(), Basis::kHistogramStride, counts);
   const int rows = (scan.layout().size_y + Basis::kHistogramStride - 1) / Basis::kHistogramStride;
   device.run(kernel, {rows, scan.layout().bricks, 1}, {1, 1, 1});

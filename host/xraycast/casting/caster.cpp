@@ -8,6 +8,26 @@
 namespace xraycast {
 namespace {
 
+struct Rows {
+  int first, count;
+};
+
+cl::Event run_sphere(ComputeDevice& device, const cl::Kernel& kernel, int width, const Rows& rows) {
+  return device.run(kernel, {width, rows.count, 1}, {64, 1, 1}, {0, rows.first, 0});
+}
+
+/// Whole bricks, each in parts of `slices`. On a processor vectors run along the slices, and a group of one
+/// item is best; on a GPU neighbours share what they read: the parts of a brick, for some angles.
+cl::Event run_cylinder(ComputeDevice& device, const cl::Kernel& kernel, const MapGeometry& geometry,
+                       const Rows& rows, int slices) {
+  constexpr int kBrick = XRC_BRICK_SLICES, kAngles = 8;
+  const int first_slice = geometry.height - rows.first - rows.count, end = first_slice + rows.count;
+  const int first = first_slice / kBrick, bricks = (end + kBrick - 1) / kBrick - first,
+            parts = kBrick / slices;
+  return device.run(kernel, {parts, geometry.width, bricks}, {parts, slices == kBrick ? 1 : kAngles, 1},
+                    {0, 0, first});
+}
+
 /// Cylinders and spheres.
 CastResult cast_shells(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
                        Progress& progress, const MovedRows* moved) {
@@ -34,16 +54,9 @@ CastResult cast_shells(const ResidentScan& scan, const MapGeometry& geometry, co
     set(rays.cylinder(), rays.centres());
   if (moved) moved->field.set_args(kernel, kFirstOfMoved);
   progress.begin("casting", geometry.height, "rows");
-  const int slices = rays.slices_per_item();
-  int first = 0, end = geometry.height;  // rows of a sphere, slices of a cylinder
-  if (moved) {
-    first = is_sphere ? moved->first : geometry.height - moved->first - moved->count;
-    end = first + moved->count;
-  }
-  const int first_run = first / slices, runs = (end + slices - 1) / slices - first_run;
-  // On a processor, vectors run along the slices and a group of one item is best.
-  const cl::Event done =
-      device.run(kernel, {geometry.width, runs, 1}, {slices > 1 ? 1 : 64, 1, 1}, {0, first_run, 0});
+  const Rows rows = moved ? Rows{moved->first, moved->count} : Rows{0, geometry.height};
+  const cl::Event done = is_sphere ? run_sphere(device, kernel, geometry.width, rows)
+                                   : run_cylinder(device, kernel, geometry, rows, rays.slices_per_item());
   device.download(tau, std::span(result.map.tau));
   result.kernel_ms = duration_ms(done);
   progress.advance(geometry.height);

@@ -2,6 +2,8 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <cmath>
 #include <vector>
@@ -111,12 +113,10 @@ bool DeviceRays::has_rows_alike() const {
   return geometry_.centre_mm.size() == 1 && geometry_.has_plane_outline();
 }
 
-std::string DeviceRays::build_options() const {
-  return scan_.build_options() + (has_rows_alike() ? "" : " -DONE_SLICE");
-}
+int DeviceRays::slices_per_item() const { return has_rows_alike() ? scan_.slices_per_item() : 1; }
 
-int DeviceRays::slices_per_item() const {
-  return geometry_.ray_layout == RayLayout::sphere || !has_rows_alike() ? 1 : scan_.slices_per_item();
+std::string DeviceRays::build_options() const {
+  return geometry_.ray_layout == RayLayout::sphere ? "" : fmt::format(" -DSLICES={}", slices_per_item());
 }
 
 cl::Buffer upload_scales(ComputeDevice& device, const MapGeometry& geometry) {

@@ -24,8 +24,8 @@ class DeviceRays {
   const cl::Buffer& scales() const { return scales_; }      ///< see upload_scales
   const cl::Buffer& shells() const { return shells_; }
 
-  /// Build options of the kernels for these rays, and the number of slices per work-item: one where every
-  /// slice has a centre or an outline of its own.
+  /// Build options of the kernels for these rays, and the number of a cylinder's slices per work-item: one
+  /// where every slice has a centre or an outline of its own.
   std::string build_options() const;
   int slices_per_item() const;
 

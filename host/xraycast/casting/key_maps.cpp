@@ -45,25 +45,22 @@ std::vector<std::uint8_t> bytes_of(const std::vector<float>& values, std::span<c
 }
 
 /// Of each mode, which of its phases are kept.
-std::vector<std::vector<std::size_t>> chosen_phases(const KeyPhases& all, std::map<std::string, int> keys) {
+std::vector<std::vector<std::size_t>> chosen_phases(const KeyPhases& all,
+                                                    const std::map<std::string, int>& keys) {
+  for (const auto& [mode, count] : keys)
+    all.rhythm().number_of(mode, fmt::format("`keys` {}={}", excerpt(mode), count));
   std::vector<std::vector<std::size_t>> chosen;
-  std::vector<std::string> names;
   for (std::size_t m = 0; m < all.phases().size(); ++m) {
     const MotionMode& mode = all.rhythm().modes()[m];
     const int count = static_cast<int>(all.phases()[m].size());
-    names.push_back(mode.name);
     const auto given = keys.find(mode.name);
     const int fewer = given == keys.end() ? count : given->second;
-    keys.erase(mode.name);
     if (fewer < 2 || fewer > count)
       throw InputError("`keys` {}={}: must be 2 to {}, as many as the map has", mode.name, fewer, count);
     const double step = mode.wraps() ? double(count) / fewer : double(count - 1) / (fewer - 1);
     std::vector<std::size_t>& of_mode = chosen.emplace_back();
     for (int i = 0; i < fewer; ++i) of_mode.push_back(static_cast<std::size_t>(std::lround(i * step)));
   }
-  if (!keys.empty())
-    throw InputError("`keys` {}={}: the map has no such mode; choose one of {}", excerpt(keys.begin()->first),
-                     keys.begin()->second, fmt::join(names, ", "));
   return chosen;
 }
 

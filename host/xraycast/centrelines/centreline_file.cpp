@@ -28,6 +28,7 @@ StoredCentrelines read_own_tree(const std::filesystem::path& path) {
       line.radii_mm.push_back(point.radius_mm);
     }
     line.parent = branch.parent;
+    line.name = branch.name;
   }
   return stored;
 }

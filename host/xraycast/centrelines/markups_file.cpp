@@ -8,8 +8,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
+#include <array>
 #include <limits>
 #include <string>
+#include <string_view>
 
 namespace xraycast {
 namespace {
@@ -39,6 +42,18 @@ double unit_mm(const nlohmann::json& markup, const std::string& field) {
   throw InputError("{}: \"coordinateUnits\" {} is neither mm nor um", field, excerpt(unit.dump()));
 }
 
+/// The curve's name in the label of its first control point, which 3D Slicer makes of name and number: "left
+/// renal artery-1". Empty where it is the one that a new curve gets, such as "OC" or "Centerline curve (3)".
+std::string curve_name(std::string_view label) {
+  label = label.substr(0, label.find_last_of('-'));
+  std::string plain = lower_case(label);
+  while (!plain.empty() && std::string_view("0123456789()_- ").find(plain.back()) != std::string_view::npos)
+    plain.pop_back();
+  constexpr std::array<std::string_view, 9> kOfNewCurves = {
+      "c", "oc", "cc", "l", "line", "curve", "open curve", "centerline curve", "network curve"};
+  return std::ranges::find(kOfNewCurves, plain) != kOfNewCurves.end() ? "" : std::string(label);
+}
+
 class MarkupReader {
  public:
   MarkupReader(const nlohmann::json& markup, std::string field)
@@ -51,8 +66,10 @@ class MarkupReader {
   }
 
   CentrelineLine read() {
-    line_.name = text_member(markup_, "name");
     const nlohmann::json& points = list_member(markup_, "controlPoints", field_);
+    line_.name = text_member(markup_, "name");
+    if (line_.name.empty() && !points.empty() && points.front().is_object())
+      line_.name = curve_name(text_member(points.front(), "label"));
     const nlohmann::json* const radii = radii_of(points.size());
     for (std::size_t i = 0; i < points.size(); ++i) read_point(points[i], radii ? &(*radii)[i] : nullptr);
     if (text_member(markup_, "type") == "ClosedCurve" && !line_.points_mm.empty()) {

@@ -5,6 +5,7 @@
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/union_find.hpp"
 #include "xraycast/centrelines/joined_lines.hpp"
+#include "xraycast/centrelines/line_names.hpp"
 
 #include <glm/geometric.hpp>
 
@@ -43,7 +44,8 @@ class TreeGrowth {
     if (lines_.roots.empty()) leave_spurs_out();
     const int root = find_root(options);
     VesselTree tree(branches_from(root), name_);
-    return {std::move(tree), loops_cut_, lines_.doubled_points, components_left_out_, std::move(notes_)};
+    return {std::move(tree),       std::move(loops_),    loops_cut_,
+            lines_.doubled_points, components_left_out_, std::move(notes_)};
   }
 
  private:
@@ -226,7 +228,7 @@ class TreeGrowth {
 
   // ---- branches -----------------------------------------------------------------------------------------
 
-  std::vector<VesselBranch> branches_from(int root) const {
+  std::vector<VesselBranch> branches_from(int root) {
     struct Start {
       int node, chain, parent;
     };
@@ -244,12 +246,16 @@ class TreeGrowth {
         if (here.size() != 2) break;
         chain = here[0] == chain ? here[1] : here[0];
       }
+      if (is_cut(node)) loops_.push_back(static_cast<int>(branches.size()));
       for (const int next : at_node_[index(node)])
         if (next != chain) waiting.push_back({node, next, static_cast<int>(branches.size())});
       branches.push_back(std::move(branch));
     }
     return branches;
   }
+
+  /// Where loops were cut, points were added.
+  bool is_cut(int node) const { return index(node) >= neighbours_.size(); }
 
   /// Returns the node at the chain's other end.
   int append(VesselBranch& branch, const Chain& chain, int from) const {
@@ -266,6 +272,7 @@ class TreeGrowth {
   std::vector<Chain> chains_;
   std::vector<std::vector<int>> at_node_;  ///< the chains at each point that ends some
   int ring_node_ = -1, loops_cut_ = 0, components_left_out_ = 0;
+  std::vector<int> loops_;  ///< branches that end where a loop was cut
   std::vector<std::string> notes_;
 };
 
@@ -273,8 +280,11 @@ class TreeGrowth {
 
 TreeOfLines tree_of_lines(const std::vector<CentrelineLine>& lines, const std::string& name,
                           const TreeOfLinesOptions& options) {
-  return with_remedy(name, "correct the centrelines",
-                     [&] { return TreeGrowth(joined_lines(lines, name), name).grow(options); });
+  return with_remedy(name, "correct the centrelines", [&] {
+    TreeOfLines found = TreeGrowth(joined_lines(lines, name), name).grow(options);
+    found.tree = with_names_of_lines(found.tree, lines);
+    return found;
+  });
 }
 
 }  // namespace xraycast

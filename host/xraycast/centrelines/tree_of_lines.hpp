@@ -20,6 +20,7 @@ struct TreeOfLinesOptions {
 /// A tree, and what was done to lines to make one of them.
 struct TreeOfLines {
   VesselTree tree;
+  std::vector<int> loops = {};  ///< branches that end where a loop was cut
   int loops_cut = 0;
   int doubled_points = 0;
   int components_left_out = 0;
@@ -36,7 +37,8 @@ struct TreeOfLines {
 ///
 /// Of what is not connected the longest tree is kept. Of each loop the thinnest piece is cut at its wider
 /// end, so that the lumen stays closed. The tree begins at an end: the given one; that of the parents; the
-/// only one at which lines start, or the one at which most do; or else the widest. Branches run from there.
+/// only one at which lines start, or the one at which most do; or else the widest. Branches run from there,
+/// and have the names of their lines.
 ///
 /// Throws InputError, with `name` in front, for lines that make no tree or violate VesselTree's invariants,
 /// and for a point more than 50 mm from the end that it was given for (`root_mm`).

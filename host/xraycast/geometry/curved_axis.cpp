@@ -5,6 +5,7 @@
 #include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 
 #include <glm/common.hpp>
@@ -41,13 +42,34 @@ std::vector<glm::dvec3> read_csv(const std::string& path) {
   return points_mm;
 }
 
-std::vector<glm::dvec3> read_branch(const std::string& path, std::size_t branch) {
-  const VesselTree tree = read_tree(path);
-  if (branch >= tree.branches().size())
-    throw InputError("{}: there is no branch {}; they are numbered 0 to {}", path, branch,
+/// A branch by its number, or all branches of a vessel by its name, those one behind the other.
+std::vector<int> branches_chosen(const VesselTree& tree, const std::string& choice, const std::string& name) {
+  std::size_t number = 0;
+  if (!parse_whole(choice, number)) return branches_named(tree, choice, name);
+  if (number >= tree.branches().size())
+    throw InputError("{}: there is no branch {}; they are numbered 0 to {}", name, number,
                      tree.branches().size() - 1);
+  return {static_cast<int>(number)};
+}
+
+std::vector<glm::dvec3> read_branches(const std::string& path, const std::string& choice,
+                                      const std::string& name) {
+  const VesselTree tree = read_tree(path);
+  const std::vector<int> chosen = branches_chosen(tree, choice, name);
+  const auto branch = [&](int i) -> const VesselBranch& {
+    return tree.branches()[static_cast<std::size_t>(i)];
+  };
+  const auto goes_on = [&](int i) { return std::ranges::find(chosen, branch(i).parent) != chosen.end(); };
+  auto next = std::ranges::find_if_not(chosen, goes_on);
   std::vector<glm::dvec3> points_mm;
-  for (const VesselPoint& point : tree.branches()[branch].points) points_mm.push_back(point.position_mm);
+  for (std::size_t left = chosen.size(); left > 0; --left) {
+    for (const VesselPoint& point : branch(*next).points)
+      if (points_mm.empty() || point.position_mm != points_mm.back()) points_mm.push_back(point.position_mm);
+    const int last = *next;
+    next = std::ranges::find_if(chosen, [&](int i) { return branch(i).parent == last; });
+    if (left > 1 && next == chosen.end())
+      throw InputError("{}: the branches of this name do not follow one another; give a number", name);
+  }
   return points_mm;
 }
 
@@ -71,11 +93,10 @@ CurvedAxis CurvedAxis::from_file(const std::string& name) {
   const auto hash = name.rfind('#');
   const std::string path = name.substr(0, hash);
   const std::string extension = extension_of(path);
-  std::size_t branch = 0;
-  if (hash != std::string::npos && !parse_whole(std::string_view(name).substr(hash + 1), branch))
-    throw InputError("{}: the text after # must be the number of a branch", name);
+  const std::string branch = hash == std::string::npos ? "0" : name.substr(hash + 1);
   return with_remedy(path, "correct the file", [&]() -> CurvedAxis {
-    return {extension == ".vtp" || extension == ".json" ? read_branch(path, branch) : read_csv(path), name};
+    return {extension == ".vtp" || extension == ".json" ? read_branches(path, branch, name) : read_csv(path),
+            name};
   });
 }
 

@@ -18,7 +18,8 @@ class CurvedAxis {
   CurvedAxis(std::vector<glm::dvec3> points_mm, const std::string& name);
 
   /// `FILE` is a CSV of x, y, z with or without a heading; `FILE[#BRANCH]` a vessel tree (.vtp or .json), of
-  ///   which branch 0 is the default. Throws InputError, naming file and line.
+  ///   which branch 0 is the default: a branch's number, or a vessel's name. Throws InputError, naming file
+  ///   and line.
   static CurvedAxis from_file(const std::string& name);
 
   /// x, y of the line at a height z; beyond its ends, those of its end points.

@@ -49,7 +49,8 @@ NurbsCurve::NurbsCurve(int degree, std::vector<ControlPoint> points, std::vector
   if (knots_.size() != points_.size() + order)
     throw InputError("{}: {} knots, but {} points of degree {} need {}", name, knots_.size(), points_.size(),
                      degree, points_.size() + order);
-  if (!std::ranges::is_sorted(knots_) || std::ranges::any_of(knots_, [](double k) { return std::isnan(k); }))
+  const auto is_nan = [](double knot) { return std::isnan(knot); };
+  if (!std::is_sorted(knots_.begin(), knots_.end()) || std::any_of(knots_.begin(), knots_.end(), is_nan))
     throw InputError("{}: the knots decrease", name);
   if (knots_[order - 1] != 0 || knots_.front() != 0 || knots_[points_.size()] != 1 || knots_.back() != 1)
     throw InputError("{}: the first {} knots must be 0 and the last {} must be 1", name, order, order);
@@ -76,7 +77,7 @@ int NurbsCurve::span_of(double t) const {
     while (knots_[span] >= 1) --span;
     return span;
   }
-  return static_cast<int>(std::ranges::upper_bound(knots_, t) - knots_.begin()) - 1;
+  return static_cast<int>(std::upper_bound(knots_.begin(), knots_.end(), t) - knots_.begin()) - 1;
 }
 
 glm::dvec3 NurbsCurve::at_mm(double t) const {

@@ -68,7 +68,7 @@ std::vector<Ring> rings_with_ends(const std::vector<VesselPoint>& points, int ri
   const auto outwards = [](const Ring& ring) { return glm::cross(ring.normal, ring.binormal); };
   const auto last = rings_of_end(rings.back(), outwards(rings.back()), rings_per_end);
   auto first = rings_of_end(rings.front(), -outwards(rings.front()), rings_per_end);
-  std::ranges::reverse(first);
+  std::reverse(first.begin(), first.end());
   rings.insert(rings.begin(), first.begin(), first.end());
   rings.insert(rings.end(), last.begin(), last.end());
   return rings;

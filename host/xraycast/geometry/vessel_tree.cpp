@@ -7,6 +7,7 @@
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/body_bounds.hpp"
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/geometry/vtp.hpp"
 
 #include <glm/common.hpp>
@@ -62,7 +63,7 @@ int link(std::vector<VesselBranch>& branches, const std::string& name) {
     reached[i] = true;
     waiting.insert(waiting.end(), branches[i].children.begin(), branches[i].children.end());
   }
-  if (const auto lost = std::ranges::find(reached, false); lost != reached.end())
+  if (const auto lost = std::find(reached.begin(), reached.end(), false); lost != reached.end())
     throw InputError("{}: branch {}: its parents form a cycle", name, lost - reached.begin());
   return root;
 }
@@ -183,7 +184,7 @@ void find_parents(std::vector<VesselBranch>& branches, const std::string& name) 
       branch.parent = parent->second;
 }
 
-VesselTree read_lines(const std::filesystem::path& path) {
+std::vector<VesselBranch> read_lines(const std::filesystem::path& path) {
   const std::string name = path.string();
   const PolyData data = read_vtp(path);
   const PolyData::Array* radius = find_array(data.point_arrays, kRadius);
@@ -205,7 +206,7 @@ VesselTree read_lines(const std::filesystem::path& path) {
   } else {
     find_parents(branches, name);
   }
-  return VesselTree(std::move(branches), name);
+  return branches;
 }
 
 // ---- JSON -----------------------------------------------------------------------------------------------
@@ -216,10 +217,11 @@ void write_json(const VesselTree& tree, const std::filesystem::path& path) {
     nlohmann::ordered_json points = nlohmann::ordered_json::array();
     for (const VesselPoint& point : branch.points)
       points.push_back({point.position_mm.x, point.position_mm.y, point.position_mm.z, point.radius_mm});
-    list.push_back({{"id", list.size()},
-                    {"parent", branch.parent},
-                    {"children", branch.children},
-                    {"points", std::move(points)}});
+    nlohmann::ordered_json entry{
+        {"id", list.size()}, {"parent", branch.parent}, {"children", branch.children}};
+    if (!branch.name.empty()) entry["name"] = branch.name;
+    entry["points"] = std::move(points);
+    list.push_back(std::move(entry));
   }
   write_whole_file(path, nlohmann::ordered_json{{"branches", std::move(list)}}.dump() + "\n");
 }
@@ -236,7 +238,7 @@ std::int64_t integer(const nlohmann::json& object, const char* key, const std::s
   return *number;
 }
 
-VesselTree read_json(const std::filesystem::path& path) {
+std::vector<VesselBranch> read_json(const std::filesystem::path& path) {
   const std::string name = path.string();
   const nlohmann::json document = parse_json(read_whole_file(path), name);
   if (document.is_discarded()) throw InputError("{}: not valid JSON; write it again", name);
@@ -260,24 +262,39 @@ VesselTree read_json(const std::filesystem::path& path) {
       if (found == index_of_id.end()) throw InputError("{}: its parent {} does not exist", field, parent);
       branch.parent = found->second;
     }
+    if (const auto given = entry.find("name"); given != entry.end()) branch.name = vessel_name(*given, field);
     const nlohmann::json& points = member(entry, "points", field);
     if (!points.is_array()) throw InputError("{}: \"points\" is not a list", field);
     for (const nlohmann::json& point : points) {
       if (!point.is_array() || point.size() != 4 ||
-          !std::ranges::all_of(point, [](const nlohmann::json& number) { return number.is_number(); }))
+          !std::all_of(point.begin(), point.end(),
+                       [](const nlohmann::json& number) { return number.is_number(); }))
         throw InputError("{}: \"points\": a point is [x, y, z, radius], not {}", field,
                          excerpt(point.dump()));
       const auto number = [&point](std::size_t i) { return point[i].get<double>(); };
       branch.points.push_back({{number(0), number(1), number(2)}, number(3)});
     }
   }
-  return VesselTree(std::move(branches), name);
+  return branches;
+}
+
+/// The tree of a file, with the names that are given beside it.
+VesselTree named_tree(std::vector<VesselBranch> branches, const std::filesystem::path& path) {
+  VesselTree tree(std::move(branches), path.string());
+  std::error_code error;
+  const std::filesystem::path names = names_beside(path);
+  return !names.empty() && std::filesystem::exists(names, error) ? read_names(tree, names) : tree;
 }
 
 }  // namespace
 
 VesselTree::VesselTree(std::vector<VesselBranch> branches, const std::string& name)
     : branches_(std::move(branches)), root_(complete(branches_, name)), segments_(segments_of(branches_)) {}
+
+std::string VesselTree::title(int branch) const {
+  const std::string& name = branches_[static_cast<std::size_t>(branch)].name;
+  return name.empty() ? fmt::format("branch {}", branch) : name;
+}
 
 VesselTree::Location VesselTree::nearest(const glm::dvec3& point_mm) const {
   const auto [segment, fraction, distance_mm] = segments_.nearest(point_mm);
@@ -319,17 +336,17 @@ void write_tree(const VesselTree& tree, const std::filesystem::path& path) {
 }
 
 VesselTree read_tree(const std::filesystem::path& path) {
-  return with_remedy(path, "segment the scan again or correct the file", [&] {
+  return with_remedy(path, "segment the scan again or correct the file", [&]() -> VesselTree {
     std::error_code error;
     if (std::filesystem::is_directory(path, error)) {
       if (!std::filesystem::exists(path / "tree.vtp", error))
         throw InputError("{}: the folder holds no tree.vtp; give the one that `xraycast segment` wrote",
                          path.string());
-      return read_lines(path / "tree.vtp");
+      return named_tree(read_lines(path / "tree.vtp"), path / "tree.vtp");
     }
     const std::string extension = extension_of(path);
-    if (extension == ".vtp") return read_lines(path);
-    if (extension == ".json") return read_json(path);
+    if (extension == ".vtp") return named_tree(read_lines(path), path);
+    if (extension == ".json") return named_tree(read_json(path), path);
     if (!std::filesystem::exists(path, error) && !error)
       throw InputError("{}: no such file or folder; check its name", path.string());
     throw InputError("{}: a vessel tree is a folder, or a file that ends in .vtp or .json; give one of these",

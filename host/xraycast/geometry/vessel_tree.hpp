@@ -24,6 +24,8 @@ struct VesselBranch {
   std::vector<int> children;        ///< indices of the branches that leave its end
   std::vector<double>
       arc_length_mm;  ///< from the first point, one per point, ascending; filled in by VesselTree
+  /// The vessel's, such as "left renal artery"; several branches of one vessel share it. Empty: unknown.
+  std::string name = {};
 };
 
 /// The vasculature as a connected tree of centrelines with radii. Immutable.
@@ -40,6 +42,9 @@ class VesselTree {
 
   const std::vector<VesselBranch>& branches() const { return branches_; }
   int root() const { return root_; }
+
+  /// A branch in words: its name, or "branch 21".
+  std::string title(int branch) const;
 
   /// A place on the tree.
   struct Location {
@@ -78,13 +83,14 @@ void check_near_end(const glm::dvec3& end_mm, const glm::dvec3& point_mm, const 
 /// leaves that are reached through it), `TractIds` (the number of branches before it), `Blanking` (0), and
 /// xraycast's own `ParentIds` (-1 for the root).
 ///
-/// JSON: {"branches": [{"id", "parent" (-1 for the root), "children", "points": [[x, y, z, radius], ...]},
-/// ...]}
+/// JSON: {"branches": [{"id", "parent" (-1 for the root), "children", "name" (of named branches), "points":
+/// [[x, y, z, radius], ...]}, ...]}. A VTP has no names; write_names writes them.
 void write_tree(const VesselTree& tree, const std::filesystem::path& path);
 
 /// Reads what write_tree writes, and other programs' files with the same fields; in a folder, its tree.vtp.
 /// In a VTP without `ParentIds` a line's parent is the one that ends exactly where it starts; in JSON `id`
-/// may be any integer from 0 on and `children` is not needed. Throws InputError, naming file and field.
+/// may be any integer from 0 on and `children` is not needed. A file of names beside it (names_beside) names
+/// its branches. Throws InputError, naming file and field.
 VesselTree read_tree(const std::filesystem::path& path);
 
 /// The tree's surface: each branch is a closed swept tube of `sides` (3 or more) corners around, with

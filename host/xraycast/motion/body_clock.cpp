@@ -138,8 +138,7 @@ std::optional<double> BodyClock::next_instant(const std::string& mode, double ph
 
 std::size_t BodyClock::index_of(const std::string& name) const {
   const auto found = std::ranges::find(modes_, name, [](const Mode& mode) { return mode.motion.name; });
-  if (found == modes_.end())
-    throw InputError("the body has no mode {}; choose one of {}", excerpt(name), fmt::join(names(), ", "));
+  if (found == modes_.end()) refuse_mode(excerpt(name), "the body", names());
   return static_cast<std::size_t>(found - modes_.begin());
 }
 

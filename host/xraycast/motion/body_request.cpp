@@ -3,6 +3,8 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/plain_text.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string_view>
@@ -20,16 +22,8 @@ void check_without_motion(const BodyRequest& request) {
   if (field) throw InputError("`{}` needs a motion; give `motion` too, or leave it out", field);
 }
 
-/// The number of the gate's mode.
 std::size_t number_of_mode(const PhaseGate& gate, const Motion& motion) {
-  const auto& modes = motion.modes();
-  const auto found = std::ranges::find(modes, gate.mode, &MotionMode::name);
-  if (found == modes.end()) {
-    std::string names;
-    for (const MotionMode& mode : modes) names += (names.empty() ? "" : ", ") + mode.name;
-    throw InputError("`gate` {}: the motion has no such mode; choose one of {}", excerpt(gate.mode), names);
-  }
-  return static_cast<std::size_t>(found - modes.begin());
+  return motion.number_of(gate.mode, fmt::format("`gate` {}={:g}", excerpt(gate.mode), gate.phase));
 }
 
 /// From a time on; nothing where it does not open any more.

@@ -101,7 +101,8 @@ std::vector<HeldMotion::Part> parts_of(const MotionMode& mode, double phase) {
   for (std::size_t k = 0; k < weights.size(); ++k) {
     const auto& moves = mode.keys[k].moves;
     if (!moves || weights[k] == 0) continue;
-    const auto same = std::ranges::find(parts, moves, &HeldMotion::Part::moves);
+    const auto same = std::find_if(parts.begin(), parts.end(),
+                                   [&](const HeldMotion::Part& part) { return part.moves == moves; });
     if (same == parts.end())
       parts.push_back({weights[k], moves});
     else
@@ -127,7 +128,7 @@ glm::dvec3 HeldMotion::displacement_mm(const glm::dvec3& x_mm) const {
 void HeldMotion::displace(std::span<glm::dvec3> x_mm) const {
   std::vector<glm::dvec3> sum_mm(x_mm.size());
   for (const std::vector<Part>& mode : modes_) {
-    std::ranges::fill(sum_mm, glm::dvec3(0));
+    std::fill(sum_mm.begin(), sum_mm.end(), glm::dvec3(0));
     for (const Part& part : mode) part.moves->add(x_mm, part.weight, sum_mm);
     for (std::size_t i = 0; i < x_mm.size(); ++i) x_mm[i] += sum_mm[i];
   }
@@ -200,20 +201,27 @@ std::vector<double> Motion::phases_at(double time_s) const {
 }
 
 std::vector<double> Motion::phases_of(const std::map<std::string, double>& named) const {
-  std::vector<std::string> names;
-  std::vector<double> phases;
-  for (const MotionMode& mode : modes_) {
-    const auto found = named.find(mode.name);
-    names.push_back(mode.name);
-    phases.push_back(found == named.end() ? 0 : found->second);
-    if (!(phases.back() >= 0 && phases.back() <= 1))
-      throw InputError("`phase` {}={}: must be 0 to 1", mode.name, phases.back());
+  std::vector<double> phases(modes_.size(), 0.0);
+  for (const auto& [mode, phase] : named) {
+    const std::string asked = fmt::format("`phase` {}={}", excerpt(mode), phase);
+    const std::size_t number = number_of(mode, asked);
+    if (!(phase >= 0 && phase <= 1)) throw InputError("{}: must be 0 to 1", asked);
+    phases[number] = phase;
   }
-  for (const auto& [mode, phase] : named)
-    if (std::ranges::find(names, mode) == names.end())
-      throw InputError("`phase` {}={}: {} has no such mode; choose one of {}", excerpt(mode), phase, name_,
-                       fmt::join(names, ", "));
   return phases;
+}
+
+std::size_t Motion::number_of(const std::string& mode, const std::string& asked) const {
+  const auto found =
+      std::find_if(modes_.begin(), modes_.end(), [&](const MotionMode& one) { return one.name == mode; });
+  if (found != modes_.end()) return static_cast<std::size_t>(found - modes_.begin());
+  std::vector<std::string> names;
+  for (const MotionMode& one : modes_) names.push_back(one.name);
+  refuse_mode(asked, name_, names);
+}
+
+void refuse_mode(const std::string& asked, const std::string& body, const std::vector<std::string>& names) {
+  throw InputError("{}: {} has no such mode; choose one of {}", asked, body, fmt::join(names, ", "));
 }
 
 HeldMotion Motion::held_at(std::span<const double> phases) const {

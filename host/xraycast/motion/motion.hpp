@@ -132,6 +132,9 @@ class Motion {
   /// the modes, for another name, and for a phase that is not 0 to 1; it names the field `phase`.
   std::vector<double> phases_of(const std::map<std::string, double>& named) const;
 
+  /// The number of a mode. Throws as refuse_mode for another name than those of the modes.
+  std::size_t number_of(const std::string& mode, const std::string& asked) const;
+
   /// One phase a mode, in order, 0 to 1.
   HeldMotion held_at(std::span<const double> phases) const;
 
@@ -143,6 +146,11 @@ class Motion {
   std::vector<MotionMode> modes_;
   std::vector<std::string> warnings_;
 };
+
+/// Throws the InputError for a mode that a body does not have: `asked` is what was asked for, as in
+/// "`gate` cough", and `names` are those of its modes.
+[[noreturn]] void refuse_mode(const std::string& asked, const std::string& body,
+                              const std::vector<std::string>& names);
 
 /// Reads `motion.json` and the fields that it names, relative to it:
 ///

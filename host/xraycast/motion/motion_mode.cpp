@@ -12,7 +12,8 @@ namespace {
 /// The index of the interval between ascending values that holds `value`: of the last one not above it.
 template <typename Samples, typename Of>
 std::size_t interval_of(const Samples& samples, double value, Of of) {
-  const auto above = std::ranges::upper_bound(samples, value, {}, of) - samples.begin();
+  const auto is_below = [&](double below, const auto& sample) { return below < std::invoke(of, sample); };
+  const auto above = std::upper_bound(samples.begin(), samples.end(), value, is_below) - samples.begin();
   return static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(above - 1, 0, std::ssize(samples) - 2));
 }
 

@@ -247,15 +247,14 @@ void ComputeDevice::finish() {
   guarded("running a kernel", [&] { queue_.finish(); });
 }
 
-void ComputeDevice::write_slices(const cl::Memory& image, std::int64_t width, std::int64_t height,
-                                 std::int64_t first, std::int64_t count, const void* values) {
-  const std::array<std::size_t, 3> origin{0, 0, static_cast<std::size_t>(first)};
-  const std::array<std::size_t, 3> region{static_cast<std::size_t>(width), static_cast<std::size_t>(height),
-                                          static_cast<std::size_t>(count)};
-  const cl_int status = clEnqueueWriteImage(queue_(), image(), CL_TRUE, origin.data(), region.data(), 0, 0,
-                                            values, 0, nullptr, nullptr);
-  if (status != CL_SUCCESS)
-    throw DeviceError("{} failed while uploading slices: {}", info_.name, status_name(status));
+void ComputeDevice::copy_slices(const cl::Buffer& from, const cl::Image3D& image, std::int64_t first,
+                                std::int64_t count) {
+  guarded("copying slices", [&] {
+    queue_.enqueueCopyBufferToImage(
+        from, image, 0, {0, 0, static_cast<cl::size_type>(first)},
+        {image.getImageInfo<CL_IMAGE_WIDTH>(), image.getImageInfo<CL_IMAGE_HEIGHT>(),
+         static_cast<cl::size_type>(count)});
+  });
 }
 
 void ComputeDevice::bring_to_host(const cl::Buffer& buffer) {

@@ -57,9 +57,8 @@ class ComputeDevice {
                     std::int64_t depth);
   bool takes_image(std::int64_t width, std::int64_t height, std::int64_t depth) const;
 
-  /// Blocking copy of whole slices of a 3-D image. Throws DeviceError.
-  void write_slices(const cl::Memory& image, std::int64_t width, std::int64_t height, std::int64_t first,
-                    std::int64_t count, const void* values);
+  /// Copies a buffer's texels, x fastest, to `count` whole slices of a 3-D image. Throws DeviceError.
+  void copy_slices(const cl::Buffer& from, const cl::Image3D& image, std::int64_t first, std::int64_t count);
 
   /// Enqueues a kernel over a global size, in work-groups of `local` where that is given; the global size is
   /// then rounded up, so kernels check their bounds. Work items are counted from `first` on. Throws

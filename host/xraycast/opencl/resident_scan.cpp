@@ -32,11 +32,6 @@ std::int64_t bytes_of(const XrcScan& layout) {
          static_cast<std::int64_t>(sizeof(std::int16_t));
 }
 
-cl::Memory allocate(ComputeDevice& device, const XrcScan& layout, ScanStorage storage) {
-  if (storage == ScanStorage::bricks) return device.buffer(CL_MEM_READ_WRITE, bytes_of(layout));
-  return device.image(cl::ImageFormat(CL_R, CL_SIGNED_INT16), layout.size_x, layout.size_y, layout.size_z);
-}
-
 }  // namespace
 
 ScanStorage preferred_storage(ComputeDevice& device, const VolumeGeometry& geometry) {
@@ -50,16 +45,48 @@ ResidentScan::ResidentScan(ComputeDevice& device, const VolumeGeometry& geometry
       geometry_(geometry),
       storage_(storage),
       layout_(layout_of(geometry)),
-      voxels_(allocate(device, layout_, storage)) {}
+      voxels_(device.buffer(CL_MEM_READ_WRITE, bytes_of(layout_))) {}
 
 void ResidentScan::append(std::span<const std::int16_t> hu) {
   const std::int64_t count = static_cast<std::int64_t>(hu.size()) / geometry_.slice_voxels();
-  if (storage_ == ScanStorage::bricks)
-    append_bricks(hu, static_cast<int>(count));
-  else
-    device_->write_slices(voxels_, layout_.size_x, layout_.size_y, slices_done_, count, hu.data());
+  const std::int64_t bricks = (count + XRC_BRICK_SLICES - 1) / XRC_BRICK_SLICES;
+  // A processor's driver reads the caller's memory in place; const_cast because OpenCL has one pointer type.
+  cl::Buffer slices =
+      device_->buffer(CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, static_cast<std::int64_t>(hu.size_bytes()),
+                      const_cast<std::int16_t*>(hu.data()));
+  cl::Kernel pack = device_->kernel("scan", "pack_bricks");
+  set_args(pack, slices, voxels_, layout_, static_cast<cl_int>(slices_done_ / XRC_BRICK_SLICES),
+           static_cast<cl_int>(count));
+  device_->run(pack, {layout_.pitch_x, layout_.pitch_y, bricks});
+  device_->finish();
   slices_done_ += count;
   constant_blocks_ = {};
+  paired_.reset();
+}
+
+/// Slab by slab, since kernels cannot write to a 3-D image of every device.
+cl::Image3D ResidentScan::paired() const {
+  constexpr std::int64_t kSlab = 64;
+  const Index3 size = geometry_.size;
+  cl::Image3D image = device_->image(cl::ImageFormat(CL_R, CL_SIGNED_INT32), size.x, size.y, size.z);
+  const std::int64_t most = std::min(kSlab, size.z);
+  const cl::Buffer pairs = device_->buffer(
+      CL_MEM_READ_WRITE, most * geometry_.slice_voxels() * std::int64_t{sizeof(std::int32_t)});
+  cl::Kernel pair = device_->kernel("scan", "pair_slices");
+  for (std::int64_t first = 0; first < size.z; first += most) {
+    const std::int64_t count = std::min(most, size.z - first);
+    set_args(pair, voxels_, layout_, static_cast<cl_int>(first), pairs);
+    device_->run(pair, {size.x, size.y, count});
+    device_->copy_slices(pairs, image, first, count);
+  }
+  device_->finish();
+  return image;
+}
+
+ResidentScan::AnyDirection ResidentScan::any_direction() const {
+  if (storage_ == ScanStorage::bricks) return {voxels_, ""};
+  if (!paired_) paired_ = paired();
+  return {*paired_, " -DSCAN_IMAGE"};
 }
 
 std::optional<cl::Buffer> ResidentScan::constant_blocks(const Opacity& opacity) const {
@@ -71,18 +98,7 @@ void ResidentScan::restart(const VolumeGeometry& geometry) {
   layout_ = layout_of(geometry);
   slices_done_ = 0;
   constant_blocks_ = {};
-}
-
-void ResidentScan::append_bricks(std::span<const std::int16_t> hu, int count) {
-  const int bricks = (count + XRC_BRICK_SLICES - 1) / XRC_BRICK_SLICES;
-  // A processor's driver reads the caller's memory in place; const_cast because OpenCL has one pointer type.
-  cl::Buffer slices =
-      device_->buffer(CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, static_cast<std::int64_t>(hu.size_bytes()),
-                      const_cast<std::int16_t*>(hu.data()));
-  cl::Kernel pack = device_->kernel("scan", "pack_bricks");
-  set_args(pack, slices, voxels_, layout_, static_cast<cl_int>(slices_done_ / XRC_BRICK_SLICES), count);
-  device_->run(pack, {layout_.pitch_x, layout_.pitch_y, bricks});
-  device_->finish();
+  paired_.reset();
 }
 
 ResidentScan load(ComputeDevice& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings,

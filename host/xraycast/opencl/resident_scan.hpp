@@ -14,13 +14,15 @@
 
 namespace xraycast {
 
-/// How a scan is stored on a device.
+/// How a scan is stored on a device: always in bricks, a buffer of 16 interleaved slices each (XrcScan of
+/// xraycast/kernels/params.h).
 enum class ScanStorage {
-  bricks,  ///< a buffer of 16 interleaved slices each (XrcScan of xraycast/kernels/params.h); for processors
-  image,   ///< a 3-D image of 16-bit integers, whose cache follows rays in any direction; for GPUs
+  bricks,  ///< of which a work-item takes all slices at once; for processors
+  image,   ///< of which it takes two; rays in any direction read a 3-D image, whose cache follows them; for
+           ///< GPUs
 };
 
-/// Images on a GPU that has them, passes the self-test and takes the size; bricks elsewhere.
+/// Image on a GPU that has them, passes the self-test and takes the size; bricks elsewhere.
 ScanStorage preferred_storage(ComputeDevice& device, const VolumeGeometry& geometry);
 
 /// A scan in a device's memory, where the kernels read it. Move-only.
@@ -47,26 +49,35 @@ class ResidentScan {
   const XrcScan& layout() const { return layout_; }
   ScanStorage storage() const { return storage_; }
 
-  /// The memory object that goes with a kernel built with build_options().
-  const cl::Memory& voxels() const { return voxels_; }
-  std::string build_options() const { return storage_ == ScanStorage::image ? " -DSCAN_IMAGE" : ""; }
+  /// The bricks.
+  const cl::Buffer& voxels() const { return voxels_; }
 
-  /// The blocks in which an opacity gives one mu, if there are many (ConstantBlocks). Of bricks only, after
-  /// the last slice. Not thread-safe.
+  /// What kernels for rays in any direction read, with the build option that goes with it: the image of
+  /// ScanStorage::image (scan_access.h), which is made at first use, after the last slice, and takes twice
+  /// the scan's memory; else the bricks. Throws DeviceError when the device has not enough. Not thread-safe.
+  struct AnyDirection {
+    const cl::Memory& voxels;
+    std::string build_options;
+  };
+  AnyDirection any_direction() const;
+
+  /// The blocks in which an opacity gives one mu, if there are many (ConstantBlocks). After the last slice.
+  /// Not thread-safe.
   std::optional<cl::Buffer> constant_blocks(const Opacity& opacity) const;
 
   /// Number of slices per work-item of the casting kernel.
-  int slices_per_item() const { return storage_ == ScanStorage::image ? 1 : XRC_BRICK_SLICES; }
+  int slices_per_item() const { return storage_ == ScanStorage::image ? 2 : XRC_BRICK_SLICES; }
 
  private:
-  void append_bricks(std::span<const std::int16_t> hu, int count);
+  cl::Image3D paired() const;
 
   ComputeDevice* device_;
   VolumeGeometry geometry_;
   ScanStorage storage_;
   XrcScan layout_;
-  cl::Memory voxels_;
+  cl::Buffer voxels_;
   std::int64_t slices_done_ = 0;
+  mutable std::optional<cl::Image3D> paired_;
   mutable ConstantBlocks constant_blocks_;
 };
 

@@ -40,14 +40,14 @@ std::vector<std::set<std::size_t>> forks_of(std::span<const VesselCourse> course
 
 /// Cuts a curve into branches at points of it, each but the first one a child of the one before.
 void append_branches(const std::vector<VesselPoint>& curve, const std::vector<glm::dvec3>& cuts_mm,
-                     int parent, std::vector<VesselBranch>& branches) {
-  branches.push_back({{}, parent, {}, {}});
+                     int parent, const std::string& name, std::vector<VesselBranch>& branches) {
+  branches.push_back({{}, parent, {}, {}, name});
   auto cut = cuts_mm.begin();
   for (const VesselPoint& point : curve) {
     branches.back().points.push_back(point);
     if (cut == cuts_mm.end() || point.position_mm != *cut) continue;
     ++cut;
-    branches.push_back({{point}, static_cast<int>(branches.size()) - 1, {}, {}});
+    branches.push_back({{point}, static_cast<int>(branches.size()) - 1, {}, {}, name});
   }
 }
 
@@ -127,7 +127,7 @@ std::vector<VesselBranch> grow_vessels(std::span<const VesselCourse> courses) {
       parent = static_cast<int>(branch);
       controls.insert(controls.begin(), {branches[branch].points.back().position_mm, course.first_radius_mm});
     }
-    append_branches(smooth_curve(controls, kPointStep_mm), cuts_mm, parent, branches);
+    append_branches(smooth_curve(controls, kPointStep_mm), cuts_mm, parent, course.name, branches);
   }
   return branches;
 }

@@ -29,8 +29,8 @@ struct VesselCourse {
 std::vector<VesselCourse> vessel_courses(const std::string& file, std::vector<VesselCourse> earlier = {});
 
 /// The tree of vessels with these courses, ready for VesselTree's constructor: every vessel is cut into
-/// branches at the control points where others leave it, and begins exactly on its parent. Branches are in
-/// the order of the courses, those of one vessel from its beginning onwards.
+/// branches at the control points where others leave it, which have its name, and begins exactly on its
+/// parent. Branches are in the order of the courses, those of one vessel from its beginning onwards.
 std::vector<VesselBranch> grow_vessels(std::span<const VesselCourse> courses);
 
 }  // namespace xraycast

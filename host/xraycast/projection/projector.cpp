@@ -167,14 +167,15 @@ double project_with(const Projector& projector, std::span<const XrcDetector> det
   depths.resize(pixels_of(detectors));
   const cl::Buffer tau = buffer_for(device, depths);
 
+  const auto read = scan.any_direction();
   cl::Kernel kernel =
-      device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
+      device.kernel(projector.file, projector.entry, device_opacity.build_options() + read.build_options);
   std::optional<cl::Buffer> blocks, places;
   if (projector.takes_several)
-    set_args(kernel, scan.voxels(), scan.layout(), places.emplace(device.upload(detectors)),
+    set_args(kernel, read.voxels, scan.layout(), places.emplace(device.upload(detectors)),
              device_opacity.parameters(), device_opacity.table(), tau);
   else
-    set_args(kernel, scan.voxels(), scan.layout(), detectors.front(), device_opacity.parameters(),
+    set_args(kernel, read.voxels, scan.layout(), detectors.front(), device_opacity.parameters(),
              device_opacity.table(), tau);
   if (projector.takes_blocks) {
     if (sampling == Sampling::skipping_constant_blocks) blocks = scan.constant_blocks(opacity);
@@ -219,9 +220,10 @@ PoseGradient gradient_onto(std::span<const XrcDetector> detectors, const Residen
   const glm::vec3 centre(0.5 * glm::dvec3(scan.geometry().size - Index3(1)));
 
   const Projector projector = gradient_projector_for(scan, detectors.front());
+  const auto read = scan.any_direction();
   cl::Kernel kernel =
-      device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
-  set_args(kernel, scan.voxels(), scan.layout(), places, cl_float4{{centre.x, centre.y, centre.z, 0}},
+      device.kernel(projector.file, projector.entry, device_opacity.build_options() + read.build_options);
+  set_args(kernel, read.voxels, scan.layout(), places, cl_float4{{centre.x, centre.y, centre.z, 0}},
            device_opacity.parameters(), device_opacity.table(), tau, gradient);
   const std::int64_t rows = static_cast<std::int64_t>(detectors.size()) * detectors.front().height;
   progress.begin("projecting", rows, "rows");
@@ -296,9 +298,10 @@ std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment>
       device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(depths.size() * sizeof(float)));
   const glm::vec3 spacing_mm(scan.geometry().spacing_mm);
 
+  const auto read = scan.any_direction();
   cl::Kernel kernel =
-      device.kernel("joseph", "project_rays", device_opacity.build_options() + scan.build_options());
-  set_args(kernel, scan.voxels(), scan.layout(), cl_float4{{spacing_mm.x, spacing_mm.y, spacing_mm.z, 0}},
+      device.kernel("joseph", "project_rays", device_opacity.build_options() + read.build_options);
+  set_args(kernel, read.voxels, scan.layout(), cl_float4{{spacing_mm.x, spacing_mm.y, spacing_mm.z, 0}},
            static_cast<cl_int>(rays.size()), segments, device_opacity.parameters(), device_opacity.table(),
            tau);
   const auto count = static_cast<std::int64_t>(rays.size());

@@ -13,9 +13,9 @@ namespace xraycast {
 struct EvolutionOptions {
   int dimensions = 6;
   int samples = 32;         ///< of a generation
-  int generations = 60;     ///< at most
+  int generations = 40;     ///< at most
   double sigma = 0.6;       ///< standard deviation of the first one
-  double precision = 0.01;  ///< it ends when the standard deviation is below this
+  double precision = 0.03;  ///< it ends when the standard deviation is below this
   std::uint64_t seed = 1;
 };
 

@@ -68,8 +68,35 @@ Normal normal_of(std::span<const float> values, std::span<const std::uint8_t> co
   return {mean, std::sqrt(std::max(squares - sum * mean, 0.0))};
 }
 
-/// A view's similarity. Where less of the scan is shown than elsewhere in the picture could be, chance makes
-/// pictures alike: below a quarter of the pixels that count, the value is reduced.
+/// Where a view shows the scan, and what the filters of its edges reach beside it; as much as the view has.
+/// Never less than 16 x 16 pixels, unless the view is smaller.
+PictureBox shown_box(const ViewLevel& view, const PinholeCamera& camera, const VolumeGeometry& scan) {
+  constexpr double kBeside = 8, kLeast_mm = 1;
+  constexpr int kSmallest = 16;
+  glm::dvec2 low(1e6), high(-1e6);
+  for (int corner = 0; corner < 8; ++corner) {
+    const glm::dvec3 at(corner & 1 ? scan.upper_mm().x : scan.lower_mm().x,
+                        corner & 2 ? scan.upper_mm().y : scan.lower_mm().y,
+                        corner & 4 ? scan.upper_mm().z : scan.lower_mm().z);
+    const glm::dvec3 seen = camera.rotation * at + camera.translation_mm;
+    if (!(seen.z > kLeast_mm)) return {0, 0, view.camera.width, view.camera.height};
+    const glm::dvec2 pixel(camera.intrinsics * (seen / seen.z));
+    low = glm::min(low, pixel);
+    high = glm::max(high, pixel);
+  }
+  const auto range = [&](double from, double to, int size) {
+    const int smallest = std::min(kSmallest, size),
+              first = static_cast<int>(std::clamp(std::floor(from - kBeside), 0.0, 1.0 * (size - smallest))),
+              end = static_cast<int>(
+                  std::clamp(std::ceil(to + kBeside) + 1, 1.0 * first + smallest, 1.0 * size));
+    return std::pair(first, end);
+  };
+  const auto [left, right] = range(low.x, high.x, view.camera.width);
+  const auto [top, bottom] = range(low.y, high.y, view.camera.height);
+  return {left, top, right, bottom};
+}
+
+/// A view's similarity.
 double similarity_of(std::vector<float> depths, const ViewLevel& view) {
   const std::vector<float> means = spread(std::move(depths), view);
   const std::vector<std::uint8_t> shown = showing(means, view);
@@ -131,7 +158,8 @@ double weight_of(double size, double threshold) {
 /// place: scatter and the chain behind the detector change contrast slowly.
 class LocalGains {
  public:
-  LocalGains(int width, int height) : width_(width), height_(height) {}
+  /// Of `part` of a view of that size, over which the nodes lie.
+  LocalGains(int width, int height, const PictureBox& part) : width_(width), height_(height), part_(part) {}
 
   /// One a pixel, at least 0: between nodes, each by a regression of the pixels around it. What differs by
   /// more than the threshold counts less (Geman and McClure).
@@ -184,11 +212,11 @@ class LocalGains {
       const auto first = std::min(static_cast<std::size_t>(along), kSide - 2);
       return std::pair(first, along - static_cast<double>(first));
     };
-    for (int y = 0; y < height_; ++y) {
+    std::size_t next = 0;
+    for (int y = part_.top; y < part_.bottom; ++y) {
       const auto [row, down] = place(y, height_);
-      for (int x = 0; x < width_; ++x) {
-        const std::size_t i =
-            static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
+      for (int x = part_.left; x < part_.right; ++x) {
+        const std::size_t i = next++;
         if (counted[i] == 0) continue;
         const auto [column, across] = place(x, width_);
         const std::size_t node = row * kSide + column;
@@ -201,6 +229,7 @@ class LocalGains {
   }
 
   int width_, height_;
+  PictureBox part_;
 };
 
 double median_of_sizes(std::vector<double> values) {
@@ -237,17 +266,32 @@ std::vector<double> PoseFit::similarities(std::span<const RigidMotion> motions, 
   }
   if (seen.empty()) return sums;
   for (const ViewLevel& view : views_) {
+    // Parts of one size, since they are projected at once.
+    std::vector<PictureBox> parts;
+    glm::ivec2 size(0);
+    for (const std::size_t m : seen) {
+      const PictureBox part =
+          parts.emplace_back(shown_box(view, seeing(view.camera, motions[m]), scan_.geometry()));
+      size = glm::max(size, glm::ivec2(part.right - part.left, part.bottom - part.top));
+    }
     std::vector<PinholeCamera> cameras;
-    for (const std::size_t m : seen) cameras.push_back(seeing(view.camera, motions[m]));
+    for (std::size_t n = 0; n < seen.size(); ++n) {
+      PictureBox& part = parts[n];
+      part.left = std::min(part.left, view.camera.width - size.x);
+      part.top = std::min(part.top, view.camera.height - size.y);
+      part = {part.left, part.top, part.left + size.x, part.top + size.y};
+      cameras.push_back(seeing(camera_of(view, part), motions[seen[n]]));
+    }
     const std::vector<float> depths =
         project(scan_, cameras, Opacity::paper(), progress, Sampling::everywhere);
     projections_ += std::ssize(cameras);
     const std::size_t pixels = depths.size() / seen.size();
-    parallel_for(std::ssize(seen), [&](std::int64_t n) {
-      const auto first =
-          depths.begin() + static_cast<std::ptrdiff_t>(n) * static_cast<std::ptrdiff_t>(pixels);
-      const double one = similarity_of({first, first + static_cast<std::ptrdiff_t>(pixels)}, view);
-      sums[seen[static_cast<std::size_t>(n)]] += one / static_cast<double>(views_.size());
+    parallel_for(std::ssize(seen), [&](std::int64_t number) {
+      const auto n = static_cast<std::size_t>(number);
+      const auto first = depths.begin() + static_cast<std::ptrdiff_t>(n * pixels);
+      const double one =
+          similarity_of({first, first + static_cast<std::ptrdiff_t>(pixels)}, part_of(view, parts[n]));
+      sums[seen[n]] += one / static_cast<double>(views_.size());
     });
   }
   return sums;
@@ -264,9 +308,10 @@ std::vector<ToneCurve> PoseFit::tones_at(const RigidMotion& motion, std::span<co
                                          Progress& progress) const {
   std::vector<ToneCurve> curves(now.begin(), now.end());
   for (std::size_t v = 0; v < views_.size(); ++v) {
-    const ViewLevel& view = views_[v];
+    const PinholeCamera whole = seeing(views_[v].camera, motion);
+    if (!is_before(whole, scan_.geometry())) continue;
+    const ViewLevel view = part_of(views_[v], shown_box(views_[v], whole, scan_.geometry()));
     const PinholeCamera camera = seeing(view.camera, motion);
-    if (!is_before(camera, scan_.geometry())) continue;
     const std::vector<float> means =
         spread(project(scan_, camera, Opacity::paper(), progress, Sampling::everywhere), view);
     ++projections_;
@@ -275,11 +320,34 @@ std::vector<ToneCurve> PoseFit::tones_at(const RigidMotion& motion, std::span<co
   return curves;
 }
 
-void PoseFit::add_view(const ViewLevel& view, const PoseGradient& picture, double threshold,
-                       Linear& fit) const {
-  const std::vector<float> means = spread(picture.tau, view);
-  const std::vector<std::uint8_t> shown = showing(means, view);
-  const EdgesWithSlopes moving = edges_with_slopes(means, picture.gradient, view);
+/// What a view shows of a pose: the part of it that is compared, and edges with their changes.
+struct PoseFit::Seen {
+  const ViewLevel* whole;
+  PictureBox part;
+  ViewLevel view;
+  std::vector<std::uint8_t> shown{};
+  EdgesWithSlopes moving{};
+};
+
+std::vector<PoseFit::Seen> PoseFit::seen_from(const RigidMotion& motion, Progress& progress) const {
+  std::vector<Seen> all;
+  for (const ViewLevel& whole : views_) {
+    const PinholeCamera camera = seeing(whole.camera, motion);
+    if (!is_before(camera, scan_.geometry())) return {};
+    const PictureBox part = shown_box(whole, camera, scan_.geometry());
+    Seen& seen = all.emplace_back(Seen{.whole = &whole, .part = part, .view = part_of(whole, part)});
+    const PoseGradient picture =
+        project_with_gradient(scan_, seeing(seen.view.camera, motion), Opacity::paper(), progress);
+    ++projections_;
+    const std::vector<float> means = spread(picture.tau, seen.view);
+    seen.shown = showing(means, seen.view);
+    seen.moving = edges_with_slopes(means, picture.gradient, seen.view);
+  }
+  return all;
+}
+
+void PoseFit::add_view(const Seen& seen, double threshold, Linear& fit) const {
+  const auto& [whole, part, view, shown, moving] = seen;
   for_both([&](auto edges) {
     const std::vector<float>&f = view.edges.*edges, &m = moving.edges.*edges;
     const Normal of_f = normal_of(f, shown), of_m = normal_of(m, shown);
@@ -303,7 +371,7 @@ void PoseFit::add_view(const ViewLevel& view, const PoseGradient& picture, doubl
     slope_mean /= count;
     fit.similarity += 0.5 * product / static_cast<double>(views_.size());
     const std::vector<float> gains =
-        LocalGains(view.camera.width, view.camera.height).fitted(wanted, own, shown, threshold);
+        LocalGains(whole->camera.width, whole->camera.height, part).fitted(wanted, own, shown, threshold);
     for (std::size_t i = 0; i < f.size(); ++i) {
       if (shown[i] == 0) continue;
       const double rest = wanted[i] - gains[i] * own[i];
@@ -323,18 +391,10 @@ void PoseFit::add_view(const ViewLevel& view, const PoseGradient& picture, doubl
   });
 }
 
-PoseFit::Linear PoseFit::linear_fit(const RigidMotion& motion, double threshold, Progress& progress) const {
+PoseFit::Linear PoseFit::linear_fit(std::span<const Seen> seen, double threshold) const {
   Linear fit;
-  for (const ViewLevel& view : views_) {
-    const PinholeCamera camera = seeing(view.camera, motion);
-    if (!is_before(camera, scan_.geometry())) {
-      fit.cost = std::numeric_limits<double>::infinity();
-      return fit;
-    }
-    const PoseGradient picture = project_with_gradient(scan_, camera, Opacity::paper(), progress);
-    ++projections_;
-    add_view(view, picture, threshold, fit);
-  }
+  if (seen.empty()) fit.cost = std::numeric_limits<double>::infinity();
+  for (const Seen& one : seen) add_view(one, threshold, fit);
   fit.normal = fit.normal.selfadjointView<Eigen::Lower>();
   return fit;
 }
@@ -342,10 +402,11 @@ PoseFit::Linear PoseFit::linear_fit(const RigidMotion& motion, double threshold,
 PoseFit::Refined PoseFit::refine(const RigidMotion& start, int most_steps, Progress& progress) const {
   const glm::dvec3 middle = 0.5 * (scan_.geometry().lower_mm() + scan_.geometry().upper_mm());
   RigidMotion motion = start;
-  Linear fit = linear_fit(motion, std::numeric_limits<double>::infinity(), progress);
+  const std::vector<Seen> first = seen_from(motion, progress);
+  Linear fit = linear_fit(first, std::numeric_limits<double>::infinity());
   // Three times the standard deviation, by the median of the differences' sizes.
   const double threshold = 3 * 1.4826 * median_of_sizes(std::move(fit.sizes));
-  if (threshold > 0) fit = linear_fit(motion, threshold, progress);
+  if (threshold > 0) fit = linear_fit(first, threshold);
   double damping = 1e-3;
   int steps = 0;
   while (steps < most_steps && fit.count > 0 && damping < 1e6) {
@@ -358,7 +419,7 @@ PoseFit::Refined PoseFit::refine(const RigidMotion& start, int most_steps, Progr
     // The derivatives are those by source and detector, which move against the scan.
     const RigidMotion trial = motion.after(
         turned_and_moved({step[3], step[4], step[5]}, {step[0], step[1], step[2]}, middle).inverse());
-    Linear after = linear_fit(trial, threshold > 0 ? threshold : 1, progress);
+    Linear after = linear_fit(seen_from(trial, progress), threshold > 0 ? threshold : 1);
     const bool is_better = after.cost < fit.cost;
     const double gain = is_better ? 1 - after.cost / fit.cost : 0;
     if (is_better) {

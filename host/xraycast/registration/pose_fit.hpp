@@ -14,8 +14,8 @@ namespace xraycast {
 /// How well poses of a scan fit X-rays, at one resolution. A pose is a rigid motion of the scan in front of
 /// the X-rays' cameras.
 ///
-/// Pictures are compared by gradient NCC over the pixels that show the scan or lie beside it. Not
-/// thread-safe.
+/// Pictures are compared by gradient NCC over the pixels that show the scan or lie beside it; only the part
+/// of a view around these is projected. Not thread-safe.
 class PoseFit {
  public:
   /// What it refers to must outlive it.
@@ -49,9 +49,12 @@ class PoseFit {
   std::int64_t projections() const { return projections_; }  ///< so far, those with derivatives included
 
  private:
+  struct Seen;
   struct Linear;
-  Linear linear_fit(const RigidMotion& motion, double threshold, Progress& progress) const;
-  void add_view(const ViewLevel& view, const PoseGradient& picture, double threshold, Linear& fit) const;
+  /// One a view; none where the scan lies behind a camera.
+  std::vector<Seen> seen_from(const RigidMotion& motion, Progress& progress) const;
+  Linear linear_fit(std::span<const Seen> seen, double threshold) const;
+  void add_view(const Seen& seen, double threshold, Linear& fit) const;
 
   const ResidentScan& scan_;
   std::span<const ViewLevel> views_;

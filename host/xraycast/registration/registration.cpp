@@ -50,6 +50,7 @@ PictureBox box_of(const std::vector<std::uint8_t>& mask, const Xray& xray) {
 /// The part of a picture in which the scan may be shown.
 struct Window {
   std::vector<std::uint8_t> mask;
+  GreyRange range;
   PictureBox box;
   double pixel_mm;   ///< at the scan
   double scan_size;  ///< of the scan within the picture: the mean of width and height, in pixels
@@ -58,7 +59,8 @@ struct Window {
 Window window_of(const Xray& xray, const RigidMotion& start, const AttenuationPyramid& scan,
                  const RegisterRequest& request, bool searches) {
   const PinholeCamera camera = seeing(xray.camera.value(), start);
-  Window window{.mask = collimated_field(xray), .box = {}, .pixel_mm = 0, .scan_size = 0};
+  Window window{.mask = collimated_field(xray), .range = {}, .box = {}, .pixel_mm = 0, .scan_size = 0};
+  window.range = grey_range(xray, window.mask);
   const PictureBox field = box_of(window.mask, xray);
   const double depth_mm = (camera.rotation * scan.middle_mm() + camera.translation_mm).z;
   if (!(depth_mm > 0))
@@ -178,8 +180,8 @@ struct Registrar::Prepared {
   void make_level(std::size_t level) {
     levels[level].clear();
     for (std::size_t v = 0; v < xrays.size(); ++v)
-      levels[level].push_back(
-          level_of(xrays[v], windows[v].mask, windows[v].box, factor_for(windows[v], level), curves[v]));
+      levels[level].push_back(level_of(xrays[v], windows[v].mask, windows[v].range, windows[v].box,
+                                       factor_for(windows[v], level), curves[v]));
   }
 
   void set_tone(Tone tone) {
@@ -274,8 +276,9 @@ void Registrar::choose_tones(Prepared& views, const RigidMotion& motion) const {
   for (std::size_t v = 0; v < views.xrays.size(); ++v) {
     double best = -2;
     for (const Tone tone : kTones) {
-      const ViewLevel level = level_of(views.xrays[v], views.windows[v].mask, views.windows[v].box,
-                                       factor_for(views.windows[v], 0), ToneCurve(tone));
+      const Window& window = views.windows[v];
+      const ViewLevel level = level_of(views.xrays[v], window.mask, window.range, window.box,
+                                       factor_for(window, 0), ToneCurve(tone));
       const PoseFit fit(pyramid_->level(0), std::span(&level, 1));
       const double value = fit.similarities(std::span(&motion, 1), quiet)[0];
       views.projections += fit.projections();
@@ -287,29 +290,44 @@ void Registrar::choose_tones(Prepared& views, const RigidMotion& motion) const {
   }
 }
 
-Registration Registrar::refined(Prepared& views, std::span<const RigidMotion> starts, std::size_t first_level,
+Registration Registrar::refined(Prepared& views, std::span<const RigidMotion> starts, bool is_film,
                                 Progress& progress) const {
-  constexpr std::array<std::size_t, kLevels> kKept{3, 2, 1, 1};
-  constexpr std::array kSteps{12, 12, 10, 8};
+  struct Stage {
+    std::size_t level;
+    int kept, steps;
+  };
+  // The finest level twice, so that its tone curve, and what counts as a large difference, are those of a
+  // pose nearby. A film's frame has them from the one before, and lies near it.
+  constexpr std::array kWhole{Stage{0, 3, 12}, Stage{1, 2, 12}, Stage{2, 1, 10}, Stage{3, 1, 8},
+                              Stage{3, 1, 8}};
+  constexpr std::array kFilm{Stage{1, 1, 6}, Stage{2, 1, 5}, Stage{3, 1, 2}};
+  const std::span<const Stage> stages =
+      is_film ? std::span<const Stage>(kFilm) : std::span<const Stage>(kWhole);
   std::vector<Candidate> candidates;
   for (const RigidMotion& start : starts) candidates.push_back({start, 0});
-  progress.begin("refining", static_cast<std::int64_t>(kLevels - first_level), "levels");
+  progress.begin("refining", std::ssize(stages), "levels");
   Progress quiet;
   PoseFit::Refined last;
   double next_best = 0;  // similarity of the second best pose, as a share of the best one's
-  for (std::size_t level = first_level; level < kLevels; ++level) {
-    views.make_level(level);
-    const PoseFit fit(pyramid_->level(level), views.levels[level]);
+  for (const Stage& stage : stages) {
+    views.make_level(stage.level);
+    const PoseFit fit(pyramid_->level(stage.level), views.levels[stage.level]);
     for (Candidate& candidate : candidates) {
-      last = fit.refine(candidate.motion, kSteps[level], quiet);
+      last = fit.refine(candidate.motion, stage.steps, quiet);
       candidate = {last.motion, last.similarity};
       progress.check();
     }
     constexpr double kApart_mm = 3;
-    candidates = distinct(std::move(candidates), kApart_mm, kKept[level], *pyramid_);
-    if (level >= 1 && level + 1 < kLevels)
+    const bool are_several = candidates.size() > 1;
+    candidates = distinct(std::move(candidates), kApart_mm, static_cast<std::size_t>(std::max(stage.kept, 2)),
+                          *pyramid_);
+    // Of the finest level at which several were tried: there the right one stands out most.
+    if (are_several)
+      next_best = candidates.size() > 1 ? candidates[1].similarity / candidates[0].similarity : 0;
+    if (std::ssize(candidates) > stage.kept)
+      candidates.erase(candidates.begin() + stage.kept, candidates.end());
+    if (stage.level >= 1 && &stage != &stages.back())
       views.curves = fit.tones_at(candidates[0].motion, views.curves, quiet);
-    if (candidates.size() > 1) next_best = candidates[1].similarity / candidates[0].similarity;
     views.projections += fit.projections();
     progress.advance();
   }
@@ -364,7 +382,7 @@ Registration Registrar::find(std::span<const Xray> xrays, const RigidMotion& sta
   std::vector<RigidMotion> starts{start};
   if (searches) starts = searched(views, start, progress);
   choose_tones(views, starts.front());
-  Registration found = refined(views, starts, 0, progress);
+  Registration found = refined(views, starts, false, progress);
   found.seconds = 1e-3 * stopwatch.ms();
   return found;
 }
@@ -376,7 +394,7 @@ Registration Registrar::follow(std::span<const Xray> xrays, const Registration& 
     views.tones[v] = last.views[v].tone;
     views.curves[v] = last.views[v].curve;
   }
-  Registration found = refined(views, std::span(&last.motion, 1), 1, progress);
+  Registration found = refined(views, std::span(&last.motion, 1), true, progress);
   constexpr double kLeastShare = 0.7;  // of the similarity before; below, the pose was lost
   const auto sum = [](const Registration& pose) {
     double similarities = 0;

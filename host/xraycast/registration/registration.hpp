@@ -80,7 +80,7 @@ class Registrar {
   Registration find(std::span<const Xray> xrays, const RigidMotion& start, Progress& progress);
   std::vector<RigidMotion> searched(Prepared& views, const RigidMotion& start, Progress& progress);
   void choose_tones(Prepared& views, const RigidMotion& motion) const;
-  Registration refined(Prepared& views, std::span<const RigidMotion> starts, std::size_t first_level,
+  Registration refined(Prepared& views, std::span<const RigidMotion> starts, bool is_film,
                        Progress& progress) const;
   Registration told(const Prepared& views, const PoseFit::Refined& pose, double next_best,
                     std::span<const double> similarities) const;

@@ -9,30 +9,40 @@
 #include <utility>
 
 namespace xraycast {
-namespace {
-
-/// Greys between the darkest and the lightest pixel, but for a few, 0 to 1.
-struct GreyRange {
-  float dark, light;
-  float share(float grey) const { return std::clamp((grey - dark) / (light - dark), 0.F, 1.F); }
-};
-
-GreyRange range_of(const Xray& xray, const std::vector<std::uint8_t>& mask) {
+GreyRange grey_range(const Xray& xray, const std::vector<std::uint8_t>& mask) {
   std::vector<float> greys;
   for (std::size_t i = 0; i < mask.size(); ++i)
     if (mask[i] != 0) greys.push_back(xray.pixels[i]);
-  const float dark = quantile(greys, 0.002), light = quantile(greys, 0.998);
+  const float dark = quantile(greys, 0.002), light = quantile(std::move(greys), 0.998);
   return {dark, std::max(light, std::nextafter(dark, HUGE_VALF))};
 }
 
-}  // namespace
+PinholeCamera camera_of(const ViewLevel& level, const PictureBox& box) {
+  return of_means(level.camera, {box.left, box.top}, 1, {box.right - box.left, box.bottom - box.top});
+}
 
-ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, const PictureBox& box, int factor,
-                   const ToneCurve& tone) {
+ViewLevel part_of(const ViewLevel& level, const PictureBox& box) {
+  ViewLevel part{
+      .camera = camera_of(level, box), .share = level.share, .counted = {}, .greys = {}, .edges = {}};
+  const auto cut = [&](const auto& from, auto& to) {
+    to.reserve(static_cast<std::size_t>(part.camera.width) * static_cast<std::size_t>(part.camera.height));
+    for (int y = box.top; y < box.bottom; ++y) {
+      const auto row = from.begin() + std::ptrdiff_t{y} * level.camera.width;
+      to.insert(to.end(), row + box.left, row + box.right);
+    }
+  };
+  cut(level.counted, part.counted);
+  cut(level.greys, part.greys);
+  cut(level.edges.across, part.edges.across);
+  cut(level.edges.down, part.edges.down);
+  return part;
+}
+
+ViewLevel level_of(const Xray& xray, const std::vector<std::uint8_t>& mask, const GreyRange& range,
+                   const PictureBox& box, int factor, const ToneCurve& tone) {
   const int width = (box.right - box.left) / factor, height = (box.bottom - box.top) / factor;
   if (width < 16 || height < 16)
     throw InputError("{}: less than 16 x 16 pixels of it show the scan", xray.name);
-  const GreyRange range = range_of(xray, mask);
   ViewLevel level{.camera = of_means(xray.camera.value(), {box.left, box.top}, factor, {width, height}),
                   .share = (1 - 1 / (1.0 * factor * factor)) / 24,
                   .counted = {},

@@ -23,12 +23,15 @@ constexpr std::int64_t kPreamble_B = 128;
 /// What is kept of a file is short.
 constexpr std::uint32_t kLongestKept_B = 1024;
 
-/// The functional groups of multi-frame files, and what in them is used: PS3.3, C.7.6.16.
+/// The functional groups of multi-frame files and the segments of Segmentations, and what in them is used:
+/// PS3.3, C.7.6.16 and C.8.20.
 constexpr std::array kSequences{
-    kSharedGroups,  kPerFrameGroups,          kFrameContent, kPlanePosition, kPlaneOrientation,
-    kPixelMeasures, kPixelValueTransformation};
-constexpr std::array kItemElements{kSliceThickness, kImagePosition, kImageOrientation, kStackId,
-                                   kTemporalIndex,  kPixelSpacing,  kRescaleIntercept, kRescaleSlope};
+    kSharedGroups,  kPerFrameGroups,           kFrameContent, kPlanePosition,        kPlaneOrientation,
+    kPixelMeasures, kPixelValueTransformation, kSegments,     kSegmentIdentification};
+constexpr std::array kItemElements{kSliceThickness,   kImagePosition, kImageOrientation,
+                                   kStackId,          kTemporalIndex, kPixelSpacing,
+                                   kRescaleIntercept, kRescaleSlope,  kSpacingBetweenSlices,
+                                   kSegmentNumber,    kSegmentLabel,  kReferencedSegment};
 
 struct Syntax {
   bool explicit_vr, big_endian;

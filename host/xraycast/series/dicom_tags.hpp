@@ -24,6 +24,11 @@ inline constexpr DicomTag kStackId = 0x00209056, kFrameContent = 0x00209111, kPl
                           kPixelMeasures = 0x00289110, kPixelValueTransformation = 0x00289145,
                           kSharedGroups = 0x52009229, kPerFrameGroups = 0x52009230;
 
+// The segments of Segmentations (PS3.3, C.8.20).
+inline constexpr DicomTag kSpacingBetweenSlices = 0x00180088, kSegments = 0x00620002,
+                          kSegmentNumber = 0x00620004, kSegmentLabel = 0x00620005,
+                          kSegmentIdentification = 0x0062000a, kReferencedSegment = 0x0062000b;
+
 // The delimiters of sequences (PS3.5, 7.5).
 inline constexpr DicomTag kItem = 0xfffee000, kItemEnd = 0xfffee00d, kSequenceEnd = 0xfffee0dd;
 

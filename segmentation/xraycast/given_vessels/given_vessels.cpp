@@ -1,12 +1,14 @@
 #include "xraycast/given_vessels/given_vessels.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/printable.hpp"
 #include "xraycast/given_vessels/labelled_mask.hpp"
 #include "xraycast/given_vessels/place_in_scan.hpp"
 #include "xraycast/given_vessels/vessels_of_lines.hpp"
 #include "xraycast/given_vessels/vessels_of_mask.hpp"
 #include "xraycast/given_vessels/vessels_of_surface.hpp"
+#include "xraycast/vessel_names/artery_names.hpp"
 
 #include <cmath>
 
@@ -40,6 +42,13 @@ std::vector<std::string> placed(const std::vector<glm::vec3>& points_mm, const V
 
 Vessels with_notes(std::vector<std::string> notes, Vessels vessels) {
   vessels.notes.insert(vessels.notes.begin(), notes.begin(), notes.end());
+  return vessels;
+}
+
+Vessels with_note_on_loops(const std::string& name, Vessels vessels) {
+  if (const std::size_t loops = vessels.centrelines.loops.size(); loops > 0)
+    vessels.notes.push_back(fmt::format("{}: {} cut where the thinnest piece meets the wider vessel", name,
+                                        pluralize(loops, "loop")));
   return vessels;
 }
 
@@ -86,15 +95,16 @@ void check(const GivenVesselsRequest& request) {
   reject(request.radius_mm.has_value(), "`radius_mm`", name, "a mask");
 }
 
-Vessels given_vessels(const GivenVesselsRequest& request, const Volume* scan, Progress& progress) {
-  check(request);
-  const CancelScope scope(progress);
+namespace {
+
+Vessels vessels_of(const GivenVesselsRequest& request, const Volume* scan, Progress& progress) {
   const std::string name = request.input.string();
   GivenVesselsOptions options = request.options;
   if (scan != nullptr) options.grid = scan->geometry();
   if (is_mask(request))
-    return vessels_of_mask(read_labelled_mask(request.input, request.labels, progress), scan, options, name,
-                           progress);
+    return with_note_on_loops(
+        name, vessels_of_mask(read_labelled_mask(request.input, request.labels, progress), scan, options,
+                              name, progress));
   progress.begin("reading", 1, "files");
   Mesh surface;
   if (is_surface_file(request.input)) surface = read_surface(request);
@@ -104,7 +114,18 @@ Vessels given_vessels(const GivenVesselsRequest& request, const Volume* scan, Pr
     return of_lines(request, options, scan, progress);
   if (request.radius_mm) reject(true, "`radius_mm`", name, "a surface");
   std::vector<std::string> notes = placed(surface.points_mm, scan, name);
-  return with_notes(std::move(notes), vessels_of_surface(surface, options, name, progress));
+  return with_notes(std::move(notes),
+                    with_note_on_loops(name, vessels_of_surface(surface, options, name, progress)));
+}
+
+}  // namespace
+
+Vessels given_vessels(const GivenVesselsRequest& request, const Volume* scan, Progress& progress) {
+  check(request);
+  const CancelScope scope(progress);
+  Vessels found = vessels_of(request, scan, progress);
+  found.centrelines.tree = with_artery_names(found.centrelines.tree);
+  return found;
 }
 
 }  // namespace xraycast

@@ -7,6 +7,7 @@
 #include "xraycast/given_vessels/structure_labels.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/threshold.hpp"
+#include "xraycast/series/seg_reader.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -51,16 +52,29 @@ std::vector<fs::path> files_of(const fs::path& folder, const std::vector<std::st
   return files;
 }
 
-Mask united_files(const std::vector<fs::path>& files, Progress& progress) {
-  std::optional<Mask> all;
+/// Adds a structure; where it overlaps others, these keep their voxels.
+void add_structure(const Mask& structure, std::string name, LabelledMask& all) {
+  all.names.push_back(std::move(name));
+  const auto number = static_cast<std::uint8_t>(all.names.size());
+  for (std::size_t i = 0; i < all.structures.size(); ++i)
+    if (structure.voxels[i] != 0 && all.structures[i] == 0) all.structures[i] = number;
+  unite(all.mask, structure);
+}
+
+LabelledMask empty_mask(const VolumeGeometry& grid) {
+  Mask mask(grid);
+  std::vector<std::uint8_t> structures(mask.voxels.size(), 0);
+  return {std::move(mask), std::move(structures), {}};
+}
+
+LabelledMask united_files(const std::vector<fs::path>& files, Progress& progress) {
+  std::optional<LabelledMask> all;
   for (const fs::path& file : files) {
-    Mask mask = between(read_values(file, progress), 1, kMaxHu);
-    if (!all) {
-      all = std::move(mask);
-      continue;
-    }
-    check_mask_grid(mask.geometry, all->geometry, file.string());
-    unite(*all, mask);
+    const Mask mask = between(read_values(file, progress), 1, kMaxHu);
+    if (!all) all = empty_mask(mask.geometry);
+    check_mask_grid(mask.geometry, all->mask.geometry, file.string());
+    const std::string name = file.filename().string();
+    add_structure(mask, name_of_structure(name.substr(0, name.find('.'))), *all);
   }
   return *std::move(all);
 }
@@ -89,7 +103,7 @@ std::string present(const Volume& values) {
   return words.empty() ? "none" : fmt::format("{}", fmt::join(words, ", "));
 }
 
-Mask labelled(const fs::path& file, const std::vector<std::string>& labels, Progress& progress) {
+LabelledMask labelled(const fs::path& file, const std::vector<std::string>& labels, Progress& progress) {
   const Scan scan = open_scan(file, {}, progress);
   if (std::ranges::any_of(scan.info.notes,
                           [](const std::string& note) { return note.starts_with("resampled"); }))
@@ -98,22 +112,37 @@ Mask labelled(const fs::path& file, const std::vector<std::string>& labels, Prog
         "be mixed; give a file of one structure",
         file.string());
   const Volume values = collect(*scan.source, progress, file.string());
-  Mask mask(values.geometry());
+  LabelledMask all = empty_mask(values.geometry());
   for (const std::string& label : labels) {
     const int number = number_of(label, file);
-    Mask of_label = between(values, number, number);
+    const Mask of_label = between(values, number, number);
     if (of_label.count() == 0)
       throw InputError("{}: `labels` {}: no voxel has this label; the file has {}", file.string(),
                        printable(label), present(values));
-    unite(mask, of_label);
+    add_structure(of_label, name_of_structure(vessel_name(number)), all);
   }
-  return mask;
+  return all;
+}
+
+LabelledMask of_seg(const fs::path& path, const std::vector<std::string>& labels) {
+  SegContent content = read_seg(path, labels);
+  LabelledMask all{Mask(content.geometry), std::move(content.segments), {}};
+  std::ranges::transform(all.structures, all.mask.voxels.begin(),
+                         [](std::uint8_t segment) { return static_cast<std::uint8_t>(segment != 0); });
+  // The label of a file's only segment says no more than that it is vessels.
+  const bool has_names = !labels.empty() || content.labels.size() > 1;
+  for (const std::string& label : content.labels)
+    all.names.push_back(has_names ? name_of_structure(label) : "");
+  return all;
 }
 
 }  // namespace
 
-Mask read_labelled_mask(const fs::path& path, const std::vector<std::string>& labels, Progress& progress) {
-  if (labels.empty()) return between(read_values(path, progress), 1, kMaxHu);
+LabelledMask read_labelled_mask(const fs::path& path, const std::vector<std::string>& labels,
+                                Progress& progress) {
+  if (is_seg_file(path)) return of_seg(path, labels);
+  if (labels.empty()) return {between(read_values(path, progress), 1, kMaxHu), {}, {}};
+  if (labels.size() > 255) throw InputError("`labels`: {} were given, but at most 255 can be", labels.size());
   if (fs::is_directory(path))
     if (const std::vector<fs::path> files = files_of(path, labels); !files.empty())
       return united_files(files, progress);

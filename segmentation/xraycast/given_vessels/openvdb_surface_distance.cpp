@@ -19,14 +19,14 @@ openvdb::math::Transform::Ptr grid_of(double spacing_mm) {
   return openvdb::math::Transform::createLinearTransform(spacing_mm);
 }
 
-/// Signed distances to a closed surface, beside it.
-FloatGrid::Ptr distances(const Mesh& mesh, double spacing_mm) {
+/// Signed distances to a closed surface, beside it: up to `band` spacings on either side.
+FloatGrid::Ptr distances(const Mesh& mesh, double spacing_mm, double band) {
   std::vector<openvdb::Vec3s> points;
   std::vector<openvdb::Vec3I> triangles;
   for (const glm::vec3& p : mesh.points_mm) points.emplace_back(p.x, p.y, p.z);
   for (const auto& t : mesh.triangles) triangles.emplace_back(t[0], t[1], t[2]);
   return openvdb::tools::meshToLevelSet<FloatGrid>(*grid_of(spacing_mm), points, triangles,
-                                                   SurfaceDistance::kBand);
+                                                   static_cast<float>(band));
 }
 
 /// Where distances are zero.
@@ -47,8 +47,8 @@ class OpenVdbSurfaceDistance : public SurfaceDistance {
  public:
   OpenVdbSurfaceDistance(const Mesh& closed, double spacing_mm)
       : spacing_mm_(spacing_mm),
-        wall_(wall_of(*distances(closed, spacing_mm))),
-        grid_(distances(wall_, spacing_mm)) {}
+        wall_(wall_of(*distances(closed, spacing_mm, kBandOfWall))),
+        grid_(distances(wall_, spacing_mm, kBand)) {}
 
   double spacing_mm() const override { return spacing_mm_; }
 
@@ -77,6 +77,8 @@ class OpenVdbSurfaceDistance : public SurfaceDistance {
     static std::atomic<std::uint64_t> last = 0;
     return ++last;
   }
+
+  static constexpr double kBandOfWall = 1.5;  ///< both ends of an edge that crosses it are within one
 
   double spacing_mm_;
   Mesh wall_;

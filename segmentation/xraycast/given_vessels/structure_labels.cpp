@@ -1,5 +1,7 @@
 #include "xraycast/given_vessels/structure_labels.hpp"
 
+#include "xraycast/geometry/branch_names.hpp"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -43,6 +45,17 @@ std::optional<int> vessel_label(std::string_view name) {
 std::string_view vessel_name(int label) {
   const auto found = std::ranges::find(kVessels, label, &Label::number);
   return found == kVessels.end() ? std::string_view() : found->name;
+}
+
+std::string name_of_structure(std::string_view name) {
+  std::string words(name);
+  std::ranges::replace(words, '_', ' ');
+  for (const std::string_view side : {" left", " right"})
+    if (words.ends_with(side))
+      words = std::string(side.substr(1)) + " " + words.substr(0, words.size() - side.size());
+  if (const auto vena = words.find("iliac vena"); vena != std::string::npos)
+    words.replace(vena, 10, "iliac vein");
+  return vessel_name_of(words);
 }
 
 std::string vessel_label_names() {

@@ -44,7 +44,7 @@ Vessels vessels_of_lines(const std::vector<CentrelineLine>& lines, const GivenVe
   progress.advance();
   return {std::move(mask),
           std::move(fill),
-          {std::move(found.tree), {}, {}, found.components_left_out},
+          {std::move(found.tree), std::move(found.loops), {}, found.components_left_out},
           std::move(surface),
           {},
           0,

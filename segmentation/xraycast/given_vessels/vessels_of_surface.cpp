@@ -6,9 +6,11 @@
 #include "xraycast/given_vessels/inner_branches.hpp"
 #include "xraycast/given_vessels/junctions.hpp"
 #include "xraycast/given_vessels/one_component.hpp"
+#include "xraycast/given_vessels/surface_crossings.hpp"
 #include "xraycast/given_vessels/surface_distance.hpp"
 #include "xraycast/given_vessels/surface_lumen.hpp"
 #include "xraycast/given_vessels/surface_repair.hpp"
+#include "xraycast/given_vessels/wall_fit.hpp"
 #include "xraycast/segmentation/surface.hpp"
 
 #include <fmt/format.h>
@@ -106,13 +108,14 @@ std::vector<int> with_same_ends(const std::vector<int>& list, const std::vector<
 }
 
 /// The tree with side branches from their parents' axes, and its ends at the openings.
-Centrelines completed(Centrelines found, const std::vector<Opening>& openings, const std::string& name,
-                      std::vector<std::string>& notes) {
+Centrelines completed(Centrelines found, const Mesh& wall, const std::vector<Opening>& openings,
+                      const std::string& name, std::vector<std::string>& notes) {
   std::vector<VesselBranch> branches = found.tree.branches();
   remove_inner_branches(branches);
   branches = VesselTree(std::move(branches), name).branches();  // with children
   found.loops = with_same_ends(found.loops, found.tree.branches(), branches);
   straighten_junctions(branches);
+  fit_to_wall(branches, wall);
   const std::size_t ends = reach_openings(openings, branches), holes = openings.size() - ends;
   if (ends > 0) notes.push_back(fmt::format("{}: {} of vessels", name, pluralize(ends, "open end")));
   if (holes > 0) notes.push_back(fmt::format("{}: {} closed", name, pluralize(holes, "hole")));
@@ -127,6 +130,9 @@ Vessels vessels_of_surface(const Mesh& surface, const GivenVesselsOptions& optio
   RepairedSurface given = repaired(surface, name);
   check_size(given.mesh, name);
   std::vector<std::string> notes = given.notes(name);
+  if (const std::int64_t crossings = crossing_triangles(given.mesh); crossings > 0)
+    notes.push_back(fmt::format("{}: {} of triangles cross each other; what overlaps counts as one vessel",
+                                name, pluralize(crossings, "pair")));
   progress.begin("distances to the wall", 1, "surfaces");
   auto wall = surface_distance(given.mesh, spacing_of_distances_mm(given.mesh));
   if (wall->wall().triangles.empty())
@@ -143,8 +149,8 @@ Vessels vessels_of_surface(const Mesh& surface, const GivenVesselsOptions& optio
   }
   const SurfaceLumen lumen(*wall, mask);
   Centrelines centrelines =
-      completed(extract_centrelines(mask, name, progress, options.root_mm, nullptr, &lumen), given.openings,
-                name, notes);
+      completed(extract_centrelines(mask, name, progress, options.root_mm, nullptr, &lumen), wall->wall(),
+                given.openings, name, notes);
   if (options.grid) {
     fill = fill_of(*wall, *options.grid);
     mask = half_full(fill);

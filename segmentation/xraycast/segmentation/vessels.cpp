@@ -4,6 +4,7 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/scan/scan.hpp"
@@ -12,6 +13,7 @@
 #include "xraycast/segmentation/surface.hpp"
 #include "xraycast/segmentation/vessel_selection.hpp"
 #include "xraycast/series/seg_file.hpp"
+#include "xraycast/vessel_names/artery_names.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -151,6 +153,7 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
   if (has_mask) log.noise_hu = measure_noise_hu(volume);
   Centrelines centrelines = extract_centrelines(mask, name, progress, request.root_mm, &fill);
   std::ranges::move(poor_results(centrelines, volume.geometry(), name), std::back_inserter(notes));
+  centrelines.tree = with_artery_names(centrelines.tree);
   const VesselTree& tree = centrelines.tree;
   progress.begin("surface", 1, "surfaces");
   Mesh surface =
@@ -178,6 +181,7 @@ void write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automat
     write_seg(scan, mask.geometry.spacing_mm.z, mask.voxels, {is_automatic, XRAYCAST_VERSION},
               folder / kVesselSegFile);
   for (const char* name : {"tree.vtp", "tree.json"}) write_tree(vessels.centrelines.tree, folder / name);
+  write_names(vessels.centrelines.tree, folder / kNamesFile);
   for (const char* name : {"surface.vtp", "surface.stl"}) write_mesh(vessels.surface, folder / name);
   check_cancelled();
   outputs.commit();

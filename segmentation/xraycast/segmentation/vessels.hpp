@@ -35,8 +35,8 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
 inline constexpr const char* kVesselSegFile = "mask.seg.dcm";
 
 /// The files of write_vessels.
-inline constexpr std::array kVesselFiles{"mask.nrrd", "lumen.nrrd",  kVesselSegFile, "tree.vtp",
-                                         "tree.json", "surface.vtp", "surface.stl"};
+inline constexpr std::array kVesselFiles{"mask.nrrd", "lumen.nrrd", kVesselSegFile, "tree.vtp",
+                                         "tree.json", "names.json", "surface.vtp",  "surface.stl"};
 
 /// Writes vessels into a folder, which is made unless it exists: all files or none, because a mask beside
 /// another scan's tree would be misleading; vessels without a scan have no masks. `mask.seg.dcm` is a DICOM

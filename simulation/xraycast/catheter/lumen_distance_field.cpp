@@ -454,12 +454,14 @@ LumenDistanceField::Sample LumenDistanceField::with_neighbours(const Projection&
 }
 
 bool LumenDistanceField::near_bifurcation(const Branch& branch, const Vector3d& point_mm) const {
-  return std::ranges::any_of(std::array{branch.start_bifurcation, branch.end_bifurcation}, [&](int index) {
-    if (index < 0) return false;
+  for (const int index : {branch.start_bifurcation, branch.end_bifurcation}) {
+    if (index < 0) continue;
     const Bifurcation& bifurcation = bifurcations_[static_cast<std::size_t>(index)];
-    return (point_mm - bifurcation.position_mm).squaredNorm() <
-           bifurcation.search_radius_mm * bifurcation.search_radius_mm;
-  });
+    if ((point_mm - bifurcation.position_mm).squaredNorm() <
+        bifurcation.search_radius_mm * bifurcation.search_radius_mm)
+      return true;
+  }
+  return false;
 }
 
 /// Breadth first: the branches that meet the first one nearby, and those that meet these nearby.

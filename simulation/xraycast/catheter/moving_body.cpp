@@ -61,7 +61,7 @@ MovingBody::MovingBody(std::shared_ptr<const Motion> motion, std::span<const dou
   for (const MotionMode& of : motion_->modes()) {
     Mode& mode = modes_.emplace_back();
     for (const KeyPhase& key : of.keys) {
-      const auto known = std::ranges::find(mode.keys, key.moves);
+      const auto known = std::find(mode.keys.begin(), mode.keys.end(), key.moves);
       mode.key_of.push_back(static_cast<std::size_t>(known - mode.keys.begin()));
       if (!key.moves) mode.key_of.back() = of.keys.size();
       if (key.moves && known == mode.keys.end()) mode.keys.push_back(key.moves);
@@ -73,7 +73,7 @@ MovingBody::MovingBody(std::shared_ptr<const Motion> motion, std::span<const dou
 }
 
 bool MovingBody::move_to(std::span<const double> phases) {
-  if (std::ranges::equal(phases, phases_)) return false;
+  if (std::equal(phases.begin(), phases.end(), phases_.begin(), phases_.end())) return false;
   phases_.assign(phases.begin(), phases.end());
   ++instant_;
   weigh();
@@ -82,19 +82,21 @@ bool MovingBody::move_to(std::span<const double> phases) {
 
 void MovingBody::weigh() {
   for (std::size_t m = 0; m < modes_.size(); ++m) weigh(m);
-  is_still_ = std::ranges::all_of(modes_, &Mode::is_still);
+  is_still_ = std::all_of(modes_.begin(), modes_.end(), [](const Mode& mode) { return mode.is_still; });
 }
 
 /// By the phase now.
 void MovingBody::weigh(std::size_t index) {
   Mode& mode = modes_[index];
   mode.before = mode.weights;
-  std::ranges::fill(mode.weights, 0.0);
+  std::fill(mode.weights.begin(), mode.weights.end(), 0.0);
   const std::vector<double> weights = motion_->modes()[index].weights_at(phases_[index]);
   for (std::size_t k = 0; k < weights.size(); ++k)
     if (mode.key_of[k] < mode.keys.size()) mode.weights[mode.key_of[k]] += weights[k];
-  const auto is_zero = [](double weight) { return weight == 0; };
-  mode.is_still = std::ranges::all_of(mode.weights, is_zero) && std::ranges::all_of(mode.before, is_zero);
+  const auto are_zero = [](const std::vector<double>& all) {
+    return std::all_of(all.begin(), all.end(), [](double weight) { return weight == 0; });
+  };
+  mode.is_still = are_zero(mode.weights) && are_zero(mode.before);
 }
 
 // ---- nodes and cells ------------------------------------------------------------------------------------
@@ -114,7 +116,8 @@ MovingBody::Brick MovingBody::filled(const Mode& mode, const CellIndex& brick) {
     for (const glm::dvec3& d : displacements_mm)
       values.push_back({static_cast<float>(d.x), static_cast<float>(d.y), static_cast<float>(d.z), 0});
   }
-  return std::ranges::all_of(values, [](const Node& node) { return node == Node{}; }) ? Brick() : values;
+  return std::all_of(values.begin(), values.end(), [](const Node& node) { return node == Node{}; }) ? Brick()
+                                                                                                    : values;
 }
 
 /// The first key's node with the least coordinates; null where nothing moves.

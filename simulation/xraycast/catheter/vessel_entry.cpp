@@ -1,13 +1,13 @@
 #include "xraycast/catheter/vessel_entry.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/mechanics/vectors.hpp"
 
 #include <glm/geometric.hpp>
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
 namespace xraycast {
 namespace {
@@ -25,6 +25,8 @@ Vector3d outward_direction(const VesselBranch& branch, bool at_start) {
   return to_eigen(end.position_mm - inner(k).position_mm).normalized();
 }
 
+bool is_lower(const VesselEnd& a, const VesselEnd& b) { return a.position_mm.z() < b.position_mm.z(); }
+
 bool fits(const VesselEnd& entry, const InstrumentModel& instrument) {
   return entry.radius_mm > instrument.radius_mm();
 }
@@ -33,12 +35,13 @@ bool fits(const VesselEnd& entry, const InstrumentModel& instrument) {
 std::vector<VesselEnd> ends_for(const VesselTree& tree, const InstrumentModel& instrument) {
   std::vector<VesselEnd> ends = vessel_ends(tree);
   std::erase_if(ends, [&](const VesselEnd& end) { return !fits(end, instrument); });
-  std::ranges::stable_sort(ends, std::ranges::greater{}, &VesselEnd::radius_mm);
+  std::stable_sort(ends.begin(), ends.end(),
+                   [](const VesselEnd& a, const VesselEnd& b) { return a.radius_mm > b.radius_mm; });
   return ends;
 }
 
 const VesselEnd& most_inferior(const std::vector<VesselEnd>& ends) {
-  return *std::ranges::min_element(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
+  return *std::min_element(ends.begin(), ends.end(), is_lower);
 }
 
 VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& name) {
@@ -50,6 +53,21 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
   throw InputError(
       "{}: branch {} bifurcates at its end and has a parent; choose a branch with an end of its own", name,
       branch);
+}
+
+/// The one end that a vessel of this name has.
+VesselEnd end_named(const VesselTree& tree, const std::string& vessel, const std::string& name) {
+  const std::vector<int> branches = branches_named(tree, vessel, name);
+  std::vector<VesselEnd> ends = vessel_ends(tree);
+  std::erase_if(ends, [&](const VesselEnd& end) {
+    return !std::binary_search(branches.begin(), branches.end(), end.branch);
+  });
+  if (ends.empty())
+    throw InputError("{}: this vessel goes on in others at its end; choose one that ends", name);
+  if (ends.size() > 1 && ends.front().branch != ends.back().branch)
+    throw InputError("{}: this vessel has {} ends, in branches {} to {}; choose one of these by its number",
+                     name, ends.size(), ends.front().branch, ends.back().branch);
+  return ends.front();
 }
 
 }  // namespace
@@ -85,12 +103,15 @@ VesselEnd most_inferior_end(const VesselTree& tree) { return most_inferior(vesse
 
 VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm) {
   const std::vector<VesselEnd> ends = vessel_ends(tree);
-  return *std::ranges::min_element(
-      ends, {}, [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); });
+  const auto away_mm = [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); };
+  return *std::min_element(ends.begin(), ends.end(),
+                           [&](const VesselEnd& a, const VesselEnd& b) { return away_mm(a) < away_mm(b); });
 }
 
 VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const InstrumentModel& instrument) {
   if (const int* branch = std::get_if<int>(&choice.end)) return end_of_branch(tree, *branch, choice.name);
+  if (const auto* vessel = std::get_if<std::string>(&choice.end))
+    return end_named(tree, *vessel, choice.name);
   if (const auto* point_mm = std::get_if<glm::dvec3>(&choice.end)) {
     VesselEnd nearest = nearest_end(tree, *point_mm);
     check_near_end(to_glm(nearest.position_mm), *point_mm, choice.name);
@@ -107,7 +128,7 @@ std::vector<VesselEnd> equally_low_ends(const VesselTree& tree, const VesselEnd&
     const bool is_entry = end.branch == entry.branch && end.at_start == entry.at_start;
     return is_entry || end.position_mm.z() > entry.position_mm.z() + kEquallyLow_mm;
   });
-  std::ranges::stable_sort(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
+  std::stable_sort(ends.begin(), ends.end(), is_lower);
   return ends;
 }
 
@@ -118,11 +139,12 @@ void check_fits(const VesselTree& tree, const VesselEnd& entry, const Instrument
   std::vector<VesselEnd> ends = ends_for(tree, instrument);
   if (ends.size() > kMaxNamed) ends.resize(kMaxNamed);
   for (const VesselEnd& end : ends)
-    wide_enough += fmt::format("{}{:.0f},{:.0f},{:.0f} (branch {}, {:.2g} mm wide)",
+    wide_enough += fmt::format("{}{:.0f},{:.0f},{:.0f} ({}, {:.2g} mm wide)",
                                wide_enough.empty() ? "" : " or ", end.position_mm.x(), end.position_mm.y(),
-                               end.position_mm.z(), end.branch, 2 * end.radius_mm);
-  throw InputError("{}: its diameter of {} does not fit into branch {}, which has {:.3g} mm at its end; {}",
-                   instrument.name(), diameter_text(instrument), entry.branch, 2 * entry.radius_mm,
+                               end.position_mm.z(), tree.title(end.branch), 2 * end.radius_mm);
+  throw InputError("{}: its diameter of {} does not fit into {}, which has {:.3g} mm at its end; {}",
+                   instrument.name(), diameter_text(instrument), tree.title(entry.branch),
+                   2 * entry.radius_mm,
                    wide_enough.empty() ? "nor into any other end; choose a thinner instrument"
                                        : "choose another entry, such as " + wide_enough);
 }

@@ -38,15 +38,15 @@ VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
 
 /// The end at which an instrument enters.
 struct EntryChoice {
-  /// A branch's index, or a point (LPS mm) that selects the nearest end, at most 50 mm away. Neither: the
-  /// most inferior end that the instrument fits into.
-  std::variant<std::monostate, int, glm::dvec3> end = {};
+  /// A branch's index, a vessel's name, or a point (LPS mm) that selects the nearest end, at most 50 mm away.
+  /// None of them: the most inferior end that the instrument fits into.
+  std::variant<std::monostate, int, std::string, glm::dvec3> end = {};
   std::string name = "entry";  ///< in front of messages about it
 };
 
-/// Throws InputError for a branch that does not exist or has children at its end, and for a point that is far
-/// from all ends. Where the instrument fits nowhere the default is the most inferior end of all; see
-/// check_fits.
+/// Throws InputError for a branch that does not exist or has children at its end, for a name of none or of
+/// several ends, and for a point that is far from all ends. Where the instrument fits nowhere the default is
+/// the most inferior end of all; see check_fits.
 VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const InstrumentModel& instrument);
 
 /// A vessel in the groin is some 10 mm wide, and a segmentation ends it by about its width sooner or later:

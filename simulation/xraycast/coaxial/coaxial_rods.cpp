@@ -211,7 +211,8 @@ void CoaxialRods::measure_along() {
         const auto beside_mm = lumens_[lumen_index(outer, d)].ahead_mm(rods_, node);
         if (!beside_mm) continue;
         // As much as that is ahead itself, about there.
-        const auto& beyond = std::ranges::lower_bound(along_mm_[outer], own_mm + *beside_mm);
+        const auto& beyond =
+            std::lower_bound(along_mm_[outer].begin(), along_mm_[outer].end(), own_mm + *beside_mm);
         const auto at =
             std::min<std::ptrdiff_t>(beyond - along_mm_[outer].begin(), std::ssize(along_mm_[outer]) - 1);
         const auto other = static_cast<std::size_t>(at);

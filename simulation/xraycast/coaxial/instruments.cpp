@@ -146,7 +146,9 @@ void Instruments::step(std::span<const HubPose> targets, std::span<const double>
   ++steps_;
 }
 
-bool Instruments::is_held() const { return std::ranges::any_of(hubs_, &MovingHub::is_held); }
+bool Instruments::is_held() const {
+  return std::any_of(hubs_.begin(), hubs_.end(), [](const MovingHub& hub) { return hub.is_held; });
+}
 
 HubLoad Instruments::load(std::size_t instrument) const {
   const Rod& of = rod(instrument);

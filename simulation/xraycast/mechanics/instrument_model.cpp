@@ -199,7 +199,7 @@ std::string diameter_text(const InstrumentModel& instrument) {
 }
 
 InstrumentModel::SectionPoint InstrumentModel::section_at(double from_tip_mm) const {
-  const auto after = std::ranges::upper_bound(starts_mm_, from_tip_mm);
+  const auto after = std::upper_bound(starts_mm_.begin(), starts_mm_.end(), from_tip_mm);
   const auto index = static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, after - starts_mm_.begin() - 1));
   const InstrumentSection& section = properties_.sections[index];
   return {section, std::clamp((from_tip_mm - starts_mm_[index]) / section.length_mm, 0.0, 1.0)};

@@ -52,6 +52,7 @@ class InstrumentModel {
   /// The names of the presets.
   static std::vector<std::string> preset_names();
 
+  const Properties& properties() const { return properties_; }
   const std::string& name() const { return properties_.name; }
   double length_mm() const { return length_mm_; }
   double radius_mm() const { return properties_.radius_mm; }

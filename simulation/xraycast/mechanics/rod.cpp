@@ -54,8 +54,8 @@ Rod::Rod(InstrumentModel instrument, std::vector<double> stations_mm, const Clam
       options_(options) {
   assert(stations_mm_.size() > 2 && fed_mm > stations_mm_[1]);
   clamp_frame_ = rotated_frame({clamp.axis, clamp.m1, clamp.axis.cross(clamp.m1), 1}, clamp.rotation_rad);
-  const auto stands =
-      static_cast<std::size_t>(std::ranges::lower_bound(stations_mm_, fed_mm - 1e-9) - stations_mm_.begin());
+  const auto stands = static_cast<std::size_t>(
+      std::lower_bound(stations_mm_.begin(), stations_mm_.end(), fed_mm - 1e-9) - stations_mm_.begin());
 
   nodes_.reserve(max_nodes());
   edges_.reserve(max_nodes());
@@ -327,7 +327,7 @@ void Rod::begin_step(double dt_s) {
   clamp_kappa_change_.setZero();
   clamp_twist_change_rad_ = 0;
   damping_ratio_ = kRetardation_s / dt_s;
-  std::ranges::fill(state_.thetas_rad, 0.0);
+  std::fill(state_.thetas_rad.begin(), state_.thetas_rad.end(), 0.0);
 }
 
 void Rod::aim_by_inertia(double dt_s) {

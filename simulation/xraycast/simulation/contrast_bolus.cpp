@@ -109,7 +109,7 @@ void ContrastBolus::advect(double time_s) {
     const int parent = tree_.branches()[b].parent;
     return parent < 0 ? root_start : static_cast<std::size_t>(parent);
   };
-  std::ranges::fill(junctions_, Junction{});
+  std::fill(junctions_.begin(), junctions_.end(), Junction{});
   for (std::size_t b = 0; b < vessels_.size(); ++b) {
     const LaminarVessel& vessel = vessels_[b];
     Junction &start = junctions_[start_of(b)], &end = junctions_[b];

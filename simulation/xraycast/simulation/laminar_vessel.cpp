@@ -19,7 +19,7 @@ class LumenVolume {
 
   double up_to_mm3(double arc_length_mm) const {
     const auto& ends_mm = branch_.arc_length_mm;
-    const auto above = std::ranges::upper_bound(ends_mm, arc_length_mm) - ends_mm.begin();
+    const auto above = std::upper_bound(ends_mm.begin(), ends_mm.end(), arc_length_mm) - ends_mm.begin();
     const auto segment =
         static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(above, 1, std::ssize(ends_mm) - 1)) - 1;
     return to_mm3_[segment] + frustum_mm3(segment, arc_length_mm);
@@ -62,7 +62,7 @@ LaminarVessel::LaminarVessel(const VesselBranch& branch, double profile_exponent
     const double radius2_mm2 = mm3 / (std::numbers::pi * cell_mm);
     exchange_per_s_.push_back(4 * diffusivity_mm2_s / radius2_mm2);
   }
-  least_ml_ = std::ranges::min(volume_ml_);
+  least_ml_ = *std::min_element(volume_ml_.begin(), volume_ml_.end());
   mg_ml_.resize(cells);
   crossing_mg_ml_.resize(cells + 1);
 
@@ -179,7 +179,7 @@ double LaminarVessel::drop_traces_mg() {
   double dropped_mg = 0;
   is_empty_ = true;
   for (std::size_t i = 0; i < mg_ml_.size(); ++i) {
-    if (std::ranges::max(mg_ml_[i]) > kTrace_mg_ml) {
+    if (*std::max_element(mg_ml_[i].begin(), mg_ml_[i].end()) > kTrace_mg_ml) {
       is_empty_ = false;
       continue;
     }

@@ -36,8 +36,16 @@ RunRecord record_of(double time_s, const Instruments& instruments, std::size_t d
 
 // ---- the check
 
-/// What `entry` takes to choose an end. A branch with two ends is chosen at its start.
+/// What `entry` takes to choose an end: a name that no other end has, or a number. A branch with two ends is
+/// chosen at its start.
 std::string choice_of(const VesselTree& tree, const VesselEnd& end) {
+  const auto name_of = [&](const VesselEnd& of) {
+    return tree.branches()[static_cast<std::size_t>(of.branch)].name;
+  };
+  const std::string name = name_of(end);
+  const std::vector<VesselEnd> ends = vessel_ends(tree);
+  if (!name.empty() && std::ranges::count(ends, name, name_of) == 1)
+    return fmt::format("`entry` \"{}\"", name);
   if (end.at_start || end.branch != tree.root()) return fmt::format("`entry` {}", end.branch);
   const auto mm = [&](int axis) { return no_negative_zero(end.position_mm[axis], 0); };
   return fmt::format("`entry` {:.0f},{:.0f},{:.0f}", mm(0), mm(1), mm(2));
@@ -241,7 +249,7 @@ VesselEnd entry_of(const RunRequest& request) {
 std::string text_of(const VesselTree& tree, const VesselEnd& end) {
   const std::string_view side = side_of_patient(tree, end);
   const auto mm = [&](int axis) { return no_negative_zero(end.position_mm[axis], 1); };
-  return fmt::format("branch {} at ({:.1f}, {:.1f}, {:.1f}) mm{}{}", end.branch, mm(0), mm(1), mm(2),
+  return fmt::format("{} at ({:.1f}, {:.1f}, {:.1f}) mm{}{}", tree.title(end.branch), mm(0), mm(1), mm(2),
                      side.empty() ? "" : ", on the patient's ", side);
 }
 

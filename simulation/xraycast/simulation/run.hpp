@@ -43,7 +43,8 @@ Instruments::Options instrument_options(const RunRequest& request);
 /// Where the outermost instrument enters. Throws as find_entry.
 VesselEnd entry_of(const RunRequest& request);
 
-/// `branch 3 at (-89.0, -54.0, -357.0) mm, on the patient's right`.
+/// `right external iliac artery at (-89.0, -54.0, -357.0) mm, on the patient's right`; `branch 3 at ...` of a
+/// vessel without a name.
 std::string text_of(const VesselTree& tree, const VesselEnd& end);
 
 /// An instrument's state in a run.

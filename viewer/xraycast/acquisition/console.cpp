@@ -96,8 +96,8 @@ void FluoroscopyConsole::turn_to(const View& view) {
 
 int FluoroscopyConsole::mask_pulses() const {
   constexpr int kUsual = 4;
-  if (!matching_) return kUsual;
-  return 1 + static_cast<int>(std::ceil(matching_->cycle_s * options_.pulses_per_s));
+  if (!matching_ || motion_speed_ <= 0) return kUsual;
+  return 1 + static_cast<int>(std::ceil(matching_->cycle_s / motion_speed_ * options_.pulses_per_s));
 }
 
 void FluoroscopyConsole::match_masks(const std::optional<MaskMatching>& matching) {

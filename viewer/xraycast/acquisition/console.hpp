@@ -48,6 +48,9 @@ class FluoroscopyConsole {
 
   /// Masks of phases of the body, for which pulses of a whole cycle are taken; none: the mean of a few.
   void match_masks(const std::optional<MaskMatching>& matching);
+
+  /// How fast the body moves, by which a cycle takes its time; 0: it stands still.
+  void set_motion_speed(double speed) { motion_speed_ = speed; }
   const std::optional<MaskMatching>& mask_matching() const { return matching_; }
   bool is_masking() const {
     return subtracts_ && (!acquisition_ || acquisition_->mask_frames() < mask_pulses());
@@ -90,6 +93,7 @@ class FluoroscopyConsole {
   bool begins_run_ = false, is_saturated_ = false, subtracts_ = false;
   PixelShift shift_;
   std::optional<MaskMatching> matching_;
+  double motion_speed_ = 1;
   std::vector<float> road_map_;
 };
 

@@ -3,6 +3,8 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/plain_text.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string_view>
@@ -38,26 +40,35 @@ MaskPhase parse_mask_phase(const std::string& text) {
 
 MaskMatching matching_of(const MaskPhase& wanted, const Motion& motion) {
   const auto& modes = motion.modes();
-  const std::string name = wanted.fixed ? wanted.fixed->mode : "heart";
-  auto found = std::ranges::find(modes, name, &MotionMode::name);
-  if (found == modes.end() && !wanted.fixed) found = modes.begin();
-  if (found == modes.end()) {
-    std::string names;
-    for (const MotionMode& mode : modes) names += (names.empty() ? "" : ", ") + mode.name;
-    throw InputError("`mask_phase` {}: the motion has no such mode; choose one of {}", excerpt(name), names);
+  std::size_t number = 0;
+  if (wanted.fixed) {
+    number = motion.number_of(
+        wanted.fixed->mode,
+        fmt::format("`mask_phase` {}={:g}", excerpt(wanted.fixed->mode), wanted.fixed->phase));
+  } else if (const auto heart = std::ranges::find(modes, "heart", &MotionMode::name); heart != modes.end()) {
+    number = static_cast<std::size_t>(heart - modes.begin());
   }
-  MaskMatching matching{.mode = static_cast<std::size_t>(found - modes.begin()),
-                        .wraps = found->wraps(),
-                        .cycle_s = cycle_of(*found)};
+  const MotionMode& mode = modes[number];
+  MaskMatching matching{.mode = number, .wraps = mode.wraps(), .cycle_s = cycle_of(mode)};
   if (!wanted.fixed) return matching;
   matching.phase = wanted.fixed->phase;
   if (!(*matching.phase >= 0 && *matching.phase <= 1))
-    throw InputError("`mask_phase` {}={:g}: the phase must be 0 to 1", name, *matching.phase);
+    throw InputError("`mask_phase` {}={:g}: the phase must be 0 to 1", mode.name, *matching.phase);
   return matching;
 }
 
 void PhaseMasks::add(double phase, std::span<const float> picture) {
-  masks_.push_back({phase, {picture.begin(), picture.end()}});
+  ++count_;
+  const int place = std::clamp(static_cast<int>(kMost * phase), 0, kMost - 1);
+  const auto known = std::ranges::find(masks_, place, &Mask::place);
+  if (known == masks_.end()) {
+    masks_.push_back({place, 1, phase, {picture.begin(), picture.end()}});
+    return;
+  }
+  const double share = 1.0 / ++known->count;
+  known->phase += share * (phase - known->phase);
+  for (std::size_t i = 0; i < picture.size(); ++i)
+    known->picture[i] += static_cast<float>(share) * (picture[i] - known->picture[i]);
 }
 
 std::span<const float> PhaseMasks::nearest(double phase, bool wraps) const {

@@ -52,9 +52,12 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
     Progress progress;
     contrast_points_.emplace(contrast_.whole().mesh.points_mm, *motion, progress);
   }
-  renderer_.set_map(std::move(map));
-  if (const auto& fluoroscope = options.picture.acquisition.fluoroscope)
+  if (const auto& fluoroscope = options.picture.acquisition.fluoroscope) {
     options_.step_s = 1 / fluoroscope->pulses_per_s;
+    // The body of each pulse is drawn anew.
+    if (options.body.motion && map->keys) options_.picture.style.pixels_per_column = kLivePixelsPerColumn;
+  }
+  renderer_.set_map(std::move(map));
   blur_ = {.pulse_s = pulse_s(options.picture.acquisition), .pixel_mm = pixel_at_axis_mm(options.view)};
   Style& style = options_.picture.style;
   style.window = automatic_window(renderer_, options_.view, style);

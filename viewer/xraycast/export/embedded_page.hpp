@@ -6,7 +6,8 @@
 
 namespace xraycast {
 
-/// The built page of web/, without a session in it: one file.
+/// What web/ builds: page.html, without a session in it, and simulation.txt, the simulation as WebAssembly,
+/// deflated, in base64.
 std::span<const EmbeddedFile> embedded_pages();
 
 }  // namespace xraycast

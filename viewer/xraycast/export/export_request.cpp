@@ -45,19 +45,29 @@ void check_map(const BodyMap& map, const std::string& name) {
         pluralize(geometry.layers(), "layer"), geometry.width, geometry.height, most_layers, most_layers);
 }
 
+bool has_page_modes(const KeyMaps& keys) { return keys.phases().phases().size() <= kMostWebModes; }
+bool has_page_size(const KeyMaps& keys) { return keys.size_B() <= kMostWebKeyTexels; }
+
 /// Of a map that moves.
 void check_keys(const ExportRequest& request) {
   const BodyMap& map = *request.map;
   const std::string& name = request.map_name;
   if (request.precision != MapPrecision::byte)
     throw InputError("{}: moves, and such maps are of bytes; leave out `precision`", name);
-  if (map.keys->phases().phases().size() > kMostWebModes)
+  if (!has_page_modes(*map.keys))
     throw InputError("{}: moves by {} modes, but a page shows at most {}; cast it by a motion with fewer",
                      name, map.keys->phases().phases().size(), kMostWebModes);
-  if (map.keys->size_B() > kMostWebKeyTexels)
+  if (!has_page_size(*map.keys))
     throw InputError(
         "{}: its key maps have {} million texels, but a page holds at most {}; give fewer `keys`", name,
         map.keys->size_B() / 1'000'000, kMostWebKeyTexels / 1'000'000);
+}
+
+/// How the page's body moves: by its map's own rhythm, whose fields a page has not.
+BodyRequest rhythm_of(const ExportRequest& request) {
+  BodyRequest body = request.body;
+  body.motion = {request.map->keys, &request.map->keys->phases().rhythm()};
+  return body;
 }
 
 void check_motion(const ExportRequest& request) {
@@ -71,17 +81,7 @@ void check_motion(const ExportRequest& request) {
     return;
   }
   if (body.motion) check_same_modes(*request.map, *body.motion);
-  const Motion& rhythm = request.map->keys->phases().rhythm();
-  rhythm.phases_of(body.phase);
-  constexpr double kFastest = 100;
-  if (!(body.speed >= 0 && body.speed <= kFastest))
-    throw InputError("`motion_speed` {:g}: must be 0 to {:g}", body.speed, kFastest);
-  if (!body.gate) return;
-  const auto& [mode, phase] = *body.gate;
-  if (std::ranges::find(rhythm.modes(), mode, &MotionMode::name) == rhythm.modes().end() ||
-      !(phase >= 0 && phase <= 1))
-    throw InputError("`gate` {}={:g}: must be a mode of {} and its phase, 0 to 1", excerpt(mode), phase,
-                     request.map_name);
+  check(rhythm_of(request));
 }
 
 void check_vessels(const Surface& vessels, const BodyBounds& bounds, const std::string& name) {
@@ -135,6 +135,11 @@ std::vector<std::string> check(const ExportRequest& request) {
   if (request.vessels)
     check_vessels(*request.vessels, bounds_of(request.map->geometry), request.vessels_name);
   std::vector<std::string> notes;
+  if (request.trainer && request.map->keys)
+    notes.emplace_back("the page's body stands still at phase 0 of its motion while it is steered");
+  if (request.live && !request.trainer && request.map->keys && request.body.motion && !moves(request))
+    notes.emplace_back(
+        "the web page shows the body at phase 0 of its motion: its key maps are too many for a page");
   if (!is_page || request.live) return notes;
   if (request.map->keys && !moves(request))
     notes.emplace_back(
@@ -152,18 +157,15 @@ std::vector<std::string> check(const ExportRequest& request) {
 }
 
 bool moves(const ExportRequest& request) {
-  return request.map->keys && !request.live && (!request.run || request.run->moves);
+  const std::shared_ptr<const KeyMaps>& keys = request.map->keys;
+  if (!keys) return false;
+  // A session goes on where its page cannot show all of it.
+  if (request.live)
+    return !request.trainer && request.body.motion && has_page_modes(*keys) && has_page_size(*keys);
+  return !request.run || request.run->moves;
 }
 
-std::vector<double> first_phases(const ExportRequest& request) {
-  const Motion& rhythm = request.map->keys->phases().rhythm();
-  std::vector<double> phases = rhythm.phases_at(0);
-  for (std::size_t m = 0; m < phases.size(); ++m) {
-    const auto held = request.body.phase.find(rhythm.modes()[m].name);
-    if (held != request.body.phase.end()) phases[m] = held->second;
-  }
-  return phases;
-}
+std::vector<double> first_phases(const ExportRequest& request) { return phases_at(rhythm_of(request), 0); }
 
 ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const BodyMap> map) {
   ExportRequest request = request_of(session, std::move(map));
@@ -177,6 +179,30 @@ ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const
   return request;
 }
 
+namespace {
+
+LiveRun live_run_of(const RunRequest& run, const std::string& vessels_name) {
+  const ContrastSurface contrast(*run.tree);
+  if (const std::size_t triangles = contrast.drums() * ContrastSurface::kDrumTriangles;
+      triangles > kMostWebTriangles)
+    throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
+                     vessels_name, triangles, kMostWebTriangles);
+  return {.instruments = run.instruments, .contrast = contrast.whole()};
+}
+
+}  // namespace
+
+void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others) {
+  TrainerSetup setup{.tree = run.tree, .choices = run.instruments, .used = {}, .entry = entry_of(run)};
+  for (std::size_t d = 0; d < run.instruments.size(); ++d) setup.used.push_back(d);
+  for (const InstrumentModel& model : others)
+    if (std::ranges::find(setup.choices, model.name(), &InstrumentModel::name) == setup.choices.end())
+      setup.choices.push_back(model);
+  request.live = live_run_of(run, request.vessels_name);
+  request.trainer = std::move(setup);
+  request.catheters.clear();
+}
+
 ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
                            std::shared_ptr<const BodyMap> map, const RunRequest& run, bool has_hub) {
   ExportRequest request = request_of(session, std::move(map));
@@ -185,14 +211,11 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
                         ? read_vessels(session.vessels, session.contrast_mg_ml)
                         : Surface{.mesh = tube_mesh(*run.tree),
                                   .mu_per_mm = fluoroscopy_per_mm("I", session.contrast_mg_ml)};
-  const ContrastSurface contrast(*run.tree);
-  if (const std::size_t triangles = contrast.drums() * ContrastSurface::kDrumTriangles;
-      triangles > kMostWebTriangles)
-    throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
-                     request.vessels_name, triangles, kMostWebTriangles);
-  request.live = LiveRun{.instruments = run.instruments, .contrast = contrast.whole(), .has_hub = has_hub};
+  request.live = live_run_of(run, request.vessels_name);
+  request.live->has_hub = has_hub;
   if (run.body.motion)
     for (const MotionMode& mode : run.body.motion->modes()) request.live->modes.push_back(mode.name);
+  if (request.map->keys) request.body = run.body;
   request.pose = pose;
   request.is_of_session = true;
   request.shows_vessels = false;

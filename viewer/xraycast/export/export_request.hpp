@@ -6,6 +6,7 @@
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
+#include "xraycast/trainer/trainer_setup.hpp"
 
 #include <cstdint>
 #include <memory>
@@ -23,7 +24,8 @@ enum class ExportFormat {
 /// The format of a file by its name. Throws InputError.
 ExportFormat export_format(const std::string& file);
 
-/// A run that goes on while the page is open, of which `serve --web` tells the page (see BrowserMessage).
+/// A run that goes on while the page is open, of which `serve --web` tells the page, or its own simulation
+/// (see BrowserMessage).
 struct LiveRun {
   std::vector<InstrumentModel> instruments;  ///< from the outermost on
   Surface contrast;                          ///< all drums of a ContrastSurface
@@ -44,6 +46,7 @@ struct ExportRequest {
   std::vector<Surface> catheters{};  ///< that do not move
   std::optional<RecordedRun> run{};
   std::optional<LiveRun> live{};
+  std::optional<TrainerSetup> trainer{};  ///< with `live`: the page simulates its run itself
   CArmPose pose{};
   Style style{};
   bool has_window =
@@ -64,7 +67,8 @@ inline constexpr std::size_t kMostWebTriangles = 2'000'000;
 /// Of all key maps of a body that moves, which become twice as many bytes on the GPU; and of its modes.
 inline constexpr std::size_t kMostWebKeyTexels = 67'108'864, kMostWebModes = 2;
 
-/// Whether the page shows a body that moves: its map does, and so did it in a run, if there is one.
+/// Whether the page shows a body that moves: its map does, and so did it in a run, or does in a live session,
+/// if there is one. A live session's page stands still where its key maps do not fit into a page.
 bool moves(const ExportRequest& request);
 
 /// Of the modes of a map that moves, in order, as a page without a run opens.
@@ -85,6 +89,10 @@ ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const
 /// begins from the pose given. Throws InputError.
 ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
                            std::shared_ptr<const BodyMap> map, const RunRequest& run, bool has_hub);
+
+/// Makes the page of a request steer the run's instruments by itself, from its first exposure on, with the
+/// run's and these others to choose from. The request has vessels. Throws InputError for what does not fit.
+void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others);
 
 /// The file. Throws InputError as check() does, and Error where there is not enough memory to pack it.
 std::string export_bytes(const ExportRequest& request);

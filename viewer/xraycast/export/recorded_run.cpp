@@ -3,20 +3,12 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/export/packed_numbers.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/instrument_curve.hpp"
 
 #include <array>
 #include <cmath>
 
 namespace xraycast {
-
-std::vector<glm::dvec3> controls_of(const std::vector<glm::dvec3>& nodes_mm) {
-  std::vector<glm::dvec3> controls;
-  constexpr std::size_t kFewest = 4;  // of a cubic
-  if (nodes_mm.size() < kFewest) return controls;
-  const NurbsCurve curve = curve_through(nodes_mm);
-  for (const NurbsCurve::ControlPoint& point : curve.points()) controls.push_back(point.position_mm);
-  return controls;
-}
 
 RecordedRun RecordedRun::of(const std::vector<InstrumentModel>& models) {
   RecordedRun run;

@@ -46,9 +46,6 @@ void check_recordable(const Script& script);
 /// A run, as it is recorded. Throws as run() and check_recordable() do.
 RecordedRun recorded_run(const RunRequest& request, Progress& progress);
 
-/// The control points of a shape's curve; none for fewer than four nodes.
-std::vector<glm::dvec3> controls_of(const std::vector<glm::dvec3>& nodes_mm);
-
 /// Shapes, ready to be deflated (see PackedNumbers): of every picture the number of points and these,
 /// from the tip on, in units, as differences from the same point of the picture before, or else from the
 /// point before.

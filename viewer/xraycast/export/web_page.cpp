@@ -228,6 +228,18 @@ PageJson add_live(const ExportRequest& session, Parts& parts) {
           {"modes", session.live->modes}};
 }
 
+/// What the page's own simulation takes, and how each instrument that may be chosen is drawn.
+PageJson add_trainer(const ExportRequest& session, Parts& parts) {
+  if (!session.trainer) return {};
+  static_assert(std::endian::native == std::endian::little);  // as in browsers
+  const std::vector<double> setup = packed(*session.trainer);
+  parts.add("trainer", std::string_view(reinterpret_cast<const char*>(setup.data()), 8 * setup.size()));
+  PageJson choices = PageJson::array();
+  for (const InstrumentModel& model : session.trainer->choices)
+    choices.push_back(instrument_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
+  return {{"choices", std::move(choices)}, {"used", session.trainer->used}};
+}
+
 PageJson window_to_json(const GreyWindow& window) {
   return {{"scale", window.scale}, {"dark", window.dark}, {"light", window.light}};
 }
@@ -259,6 +271,7 @@ PageJson header_of(const ExportRequest& session, Parts& parts) {
   header["catheters"] = add_catheters(session, parts);
   header["run"] = add_run(session, parts);
   header["live"] = add_live(session, parts);
+  header["trainer"] = add_trainer(session, parts);
   header["pose"] = {{"lao_deg", pose.lao_rad * kDegrees},
                     {"cranial_deg", pose.cranial_rad * kDegrees},
                     {"zoom", pose.zoom},
@@ -280,20 +293,35 @@ PageJson header_of(const ExportRequest& session, Parts& parts) {
 
 }  // namespace
 
+namespace {
+
+std::string_view embedded_page(std::string_view name) {
+  for (const EmbeddedFile& file : embedded_pages())
+    if (file.name == name) return file.source;
+  return {};
+}
+
+}  // namespace
+
 std::string web_page(const ExportRequest& session) {
   Parts parts;
   const PageJson header = header_of(session, parts);
   const View pose{.lao_rad = session.pose.lao_rad, .cranial_rad = session.pose.cranial_rad};
   // Of a body that moves the smallest takes six times as long, and is 3 % smaller.
   const int level = moves(session) ? 7 : 9;
-  const std::array<std::pair<std::string_view, std::string>, 6> values{
+  const bool simulates = session.trainer.has_value(), is_served = session.live && !simulates;
+  const std::array<std::pair<std::string_view, std::string>, 8> values{
       {{"title", in_html(session.title)},
-       {"connects", session.live ? "; connect-src 'self'" : ""},
+       {"connects", is_served   ? "; connect-src 'self'"
+                    : simulates ? "; worker-src blob:"
+                                : ""},
+       {"evaluates", simulates ? " 'wasm-unsafe-eval'" : ""},
+       {"simulation", simulates ? std::string(embedded_page("simulation.txt")) : ""},
        {"still-label", label(pose)},
        {"still", to_base64(session.still_png)},
        {"header", in_script(header)},
        {"data", to_base64(deflated(parts.bytes(), level))}}};
-  return filled(embedded_pages().front().source, values);
+  return filled(embedded_page("page.html"), values);
 }
 
 }  // namespace xraycast

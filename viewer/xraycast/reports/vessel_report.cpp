@@ -20,6 +20,7 @@ namespace xraycast {
 namespace {
 
 constexpr int kWidth = 1500, kHeight = 860, kMargin = 20, kTop = 50, kPanelWidth = 510, kPanelHeight = 760;
+constexpr int kNamesWidth = 270;  ///< beside the table, where branches have names
 constexpr int kFont = 15, kLine = 22, kTableLeft = kMargin + 2 * (kPanelWidth + kMargin);
 constexpr std::size_t kRows = (kHeight - kTop) / kLine - 4;  ///< branches that the table lists
 constexpr Colour kPaper{0.10, 0.11, 0.13}, kInk{0.9, 0.9, 0.9}, kFaint{0.6, 0.62, 0.65};
@@ -122,14 +123,32 @@ std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume* volu
   return facts;
 }
 
+bool has_names(const VesselTree& tree) {
+  return std::ranges::any_of(tree.branches(), [](const VesselBranch& b) { return !b.name.empty(); });
+}
+
+/// Cut to the width that the table has for it.
+std::string name_in_table(Canvas& sheet, const std::string& name) {
+  std::string cut = name;
+  while (!cut.empty() && sheet.text_width(cut == name ? cut : cut + "…", kFont) > kNamesWidth - kMargin) {
+    while ((cut.back() & 0xC0) == 0x80) cut.pop_back();  // the rest of a letter of UTF-8
+    cut.pop_back();
+  }
+  return cut == name ? cut : cut + "…";
+}
+
 void draw_table(Canvas& sheet, const VesselTree& tree, const std::vector<BranchFacts>& facts) {
-  const auto row = [&](int line, const std::array<std::string, 5>& cells, const Colour& colour) {
+  const auto row = [&](int line, const std::array<std::string, 5>& cells, const std::string& name,
+                       const Colour& colour) {
     constexpr std::array kRight{60, 130, 230, 335, 400};
     for (std::size_t i = 0; i < cells.size(); ++i)
       text(sheet, kTableLeft + kRight[i], kTop + kFont + line * kLine, cells[i], colour, Align::right);
+    text(sheet, kTableLeft + kRight.back() + kMargin, kTop + kFont + line * kLine, name_in_table(sheet, name),
+         colour);
   };
   const bool has_hu = !facts.empty() && facts.front().mean_hu;
-  row(0, {"branch", "parent", "length mm", "radius mm", has_hu ? "HU" : ""}, kFaint);
+  row(0, {"branch", "parent", "length mm", "radius mm", has_hu ? "HU" : ""}, has_names(tree) ? "name" : "",
+      kFaint);
   int line = 1;
   for (const std::size_t i : listed(tree)) {
     const BranchFacts& f = facts[i];
@@ -138,7 +157,7 @@ void draw_table(Canvas& sheet, const VesselTree& tree, const std::vector<BranchF
         {fmt::format("{}", i), parent < 0 ? "root" : fmt::format("{}", parent),
          fmt::format("{:.1f}", f.length_mm), fmt::format("{:.2f}", f.mean_radius_mm),
          f.mean_hu ? fmt::format("{:.0f}", *f.mean_hu) : ""},
-        kInk);
+        tree.branches()[i].name, kInk);
   }
   if (facts.size() > kRows)
     text(sheet, kTableLeft, kTop + kFont + line * kLine,
@@ -184,13 +203,14 @@ RgbPicture given_vessel_report(const std::string& name, const Vessels& vessels, 
   constexpr std::array kRed{Colour{0.95, 0.18, 0.15}};
   const VesselTree& tree = vessels.centrelines.tree;
   const std::vector<std::uint8_t>& mask = vessels.mask.voxels;
-  Canvas sheet(kWidth, kHeight, kPaper);
+  const int width = kWidth + (has_names(tree) ? kNamesWidth : 0);
+  Canvas sheet(width, kHeight, kPaper);
   text(sheet, kMargin, 22, fmt::format("{}: {}", name, counts_of(vessels.centrelines)));
   text(sheet, kMargin, 42, origin, kFaint);
   draw(sheet, kMargin, project_scan(grid, scan, mask, kRed, 1), grid, tree);
   draw(sheet, kMargin + kPanelWidth + kMargin, project_scan(grid, scan, mask, kRed, 0), grid, tree);
   draw_table(sheet, tree, branch_facts(tree, scan));
-  return {kWidth, kHeight, sheet.rgb()};
+  return {width, kHeight, sheet.rgb()};
 }
 
 }  // namespace xraycast

@@ -80,6 +80,7 @@ class Fields {
   }
 
   const std::string& name() const { return name_; }
+  const nlohmann::json& json() const { return json_; }
   const nlohmann::json& value(const char* field) const {
     const auto found = json_.find(field);
     if (found == json_.end()) throw InputError("{}: {} is missing", name_, field);
@@ -174,6 +175,12 @@ Style style_of(const Fields& fields) {
   return style;
 }
 
+std::map<std::string, double> instant_of(const Fields& fields) {
+  std::map<std::string, double> instant;
+  for (const auto& [mode, phase] : fields.json().items()) instant[mode] = fields.number(mode.c_str(), 0, 1);
+  return instant;
+}
+
 ViewSession read_fields(const fs::path& path) {
   const std::string name = path.string();
   const nlohmann::json json = parse_json(read_whole_file(path), name);
@@ -203,6 +210,7 @@ ViewSession read_fields(const fs::path& path) {
   session.style = style_of(fields.at("style"));
   session.has_window = fields.has("window");
   if (session.has_window) session.style.window = window_of(fields.at("window"));
+  if (fields.has("instant")) session.instant = instant_of(fields.at("instant"));
   if (fields.has("opacity")) session.opacity = Opacity::from_json(fields.value("opacity").dump(), name);
   return session;
 }
@@ -230,6 +238,7 @@ void write_session(const ViewSession& session, const fs::path& path) {
                       {"light", style.window.light},
                       {"gamma", style.window.gamma},
                       {"inverted", style.window.inverted}};
+  if (!session.instant.empty()) json["instant"] = session.instant;
   if (session.opacity) json["opacity"] = Json::parse(session.opacity->to_json());
   std::string text;
   try {

@@ -8,7 +8,9 @@
 #include <glm/vec3.hpp>
 
 #include <filesystem>
+#include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -37,6 +39,7 @@ struct ViewSession {
   Style style{};
   bool has_window = false;           ///< style.window was chosen by the user; otherwise it is automatic
   std::optional<Opacity> opacity{};  ///< recast from the basis; none: the map's own
+  std::map<std::string, double> instant{};  ///< of a map that moves: the phases of its modes, 0 to 1
 };
 
 /// Writes JSON. Files are named relative to the session's folder, so that both can move together. Throws

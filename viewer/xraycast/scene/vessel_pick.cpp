@@ -73,10 +73,16 @@ std::optional<VesselTree::Location> vessel_at(const VesselTree& tree, const View
 std::string describe(const VesselTree& tree, const VesselTree::Location& place) {
   const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(place.branch)];
   std::string text =
-      fmt::format("branch {}, {:.0f} of {:.0f} mm, radius {:.1f} mm (mean {:.1f})", place.branch,
+      fmt::format("{}, {:.0f} of {:.0f} mm, radius {:.1f} mm (mean {:.1f})", tree.title(place.branch),
                   place.arc_length_mm, branch.arc_length_mm.back(), place.radius_mm, mean_radius_mm(branch));
-  if (branch.parent >= 0) text += fmt::format(", from branch {}", branch.parent);
-  if (!branch.children.empty()) text += fmt::format(", into {}", fmt::join(branch.children, ", "));
+  if (branch.parent >= 0) text += fmt::format(", from {}", tree.title(branch.parent));
+  if (branch.children.empty()) return text;
+  std::vector<std::string> children;
+  for (const int child : branch.children) {
+    const std::string& name = tree.branches()[static_cast<std::size_t>(child)].name;
+    children.push_back(name.empty() ? fmt::format("{}", child) : name);
+  }
+  text += fmt::format(", into {}", fmt::join(children, ", "));
   return text;
 }
 

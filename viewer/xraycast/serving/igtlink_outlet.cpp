@@ -1,7 +1,7 @@
 #include "xraycast/serving/igtlink_outlet.hpp"
 
-#include "xraycast/export/recorded_run.hpp"
 #include "xraycast/network/igtlink_messages.hpp"
+#include "xraycast/scene/instrument_curve.hpp"
 
 #include <algorithm>
 

@@ -171,6 +171,14 @@ const BodyTraces& LiveBody::traces() {
 void LiveBody::mark_exposure(double time_s) {
   const std::lock_guard lock(mutex_);
   traces_.exposures_s.push_back(time_s);
+  forget_exposures();
+}
+
+/// Those that no monitor shows any more, also where there is none.
+void LiveBody::forget_exposures() {
+  const double oldest_s = clock_.time_s() - BodyTraces::kKept_s;
+  while (!traces_.exposures_s.empty() && traces_.exposures_s.front() < oldest_s)
+    traces_.exposures_s.pop_front();
 }
 
 /// What has passed since the last samples; holds and speeds were what they are now.
@@ -187,8 +195,7 @@ void LiveBody::sample() {
   constexpr auto kKept = static_cast<std::size_t>(BodyTraces::kKept_s / BodyTraces::kStep_s);
   for (std::deque<float>& samples : traces_.samples)
     while (samples.size() > kKept) samples.pop_front();
-  while (!traces_.exposures_s.empty() && traces_.exposures_s.front() < now_s - BodyTraces::kKept_s)
-    traces_.exposures_s.pop_front();
+  forget_exposures();
 }
 
 }  // namespace xraycast

@@ -93,6 +93,7 @@ class LiveBody {
 
  private:
   void sample();
+  void forget_exposures();
   double wait_until(double time_s, double longest_s) const;
 
   std::shared_ptr<const Motion> motion_;

@@ -35,6 +35,7 @@ LiveScreen::LiveScreen(std::shared_ptr<const BodyMap> map, const Options& option
     : map_(std::move(map)), options_(options) {
   renderer_.set_map(map_);
   if (!options_.fluoroscopy) return;
+  options_.style.pixels_per_column = kLivePixelsPerColumn;
   console_.emplace(*options_.fluoroscopy);
   water_path_.emplace(map_->attenuation);
 }

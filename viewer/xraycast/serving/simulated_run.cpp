@@ -46,6 +46,7 @@ SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevi
       bolus_(*tree_),
       contrast_(*tree_),
       moving_(std::move(moving)),
+      body_from_s_(moving_.body ? moving_.body->time_s() : 0),
       loop_(
           std::make_unique<Instruments>(*tree_, request.instruments, entry_of(request),
                                         options_in(request, moving_)),
@@ -96,7 +97,7 @@ std::vector<glm::dvec3> SimulatedRun::nodes_of(std::size_t instrument, double la
 Surface SimulatedRun::contrast(double later_s) const {
   if (!moving_.contrast) return contrast_.filled(bolus_.iodine_mg_ml());
   const std::vector<double> phases =
-      later_s == 0 ? now_->phases : moving_.body->phases_at(moving_.body->time_s() + later_s);
+      later_s == 0 ? now_->phases : moving_.body->phases_at(body_from_s_ + now_->time_s + later_s);
   return contrast_.filled(bolus_.iodine_mg_ml(), moving_.contrast->at(phases));
 }
 

@@ -109,6 +109,7 @@ class SimulatedRun {
   ContrastBolus bolus_;
   ContrastSurface contrast_;
   Moving moving_;
+  double body_from_s_;  ///< the body's time as the run begins
   double injection_ml_s_ = 0, injected_ml_ = 0;
   std::deque<Load> loads_;
   bool is_recording_ = false;

@@ -1,7 +1,7 @@
 #include "xraycast/serving/web_outlet.hpp"
 
-#include "xraycast/export/recorded_run.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/instrument_curve.hpp"
 
 #include <algorithm>
 #include <utility>

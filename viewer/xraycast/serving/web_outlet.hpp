@@ -2,8 +2,8 @@
 
 #include "xraycast/network/web_server.hpp"
 #include "xraycast/serving/browser_hand.hpp"
-#include "xraycast/serving/browser_message.hpp"
 #include "xraycast/serving/live_outlet.hpp"
+#include "xraycast/trainer/browser_message.hpp"
 
 #include <cstdint>
 #include <functional>

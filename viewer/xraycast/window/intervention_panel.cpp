@@ -93,7 +93,7 @@ void show_instrument(Intervention& intervention, std::size_t number) {
   write_wrapped(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg",
                             no_negative_zero(instrument.pose.insertion_mm, 1),
                             no_negative_zero(instrument.pose.rotation_rad / kRadians, 0)));
-  write_wrapped(fmt::format("tip: branch {}, at {:.0f} mm", instrument.tip.branch,
+  write_wrapped(fmt::format("tip: {}, at {:.0f} mm", run.tree().title(instrument.tip.branch),
                             no_negative_zero(instrument.tip.arc_length_mm, 0)));
   show_loads(run, number);
   ImGui::PopID();

@@ -122,7 +122,7 @@ bool Viewer::attempt(const std::function<void()>& action) {
 // ---- files ----------------------------------------------------------------------------------------
 
 void Viewer::load(ViewSession wanted, bool takes_view) {
-  wanted.style.pixels_per_column = 2;
+  wanted.style.pixels_per_column = kLivePixelsPerColumn;
   opening_.start("Opening",
                  [this, wanted = std::move(wanted), before = opened_,
                   takes_view](Progress& progress) -> Worker::Delivery {
@@ -162,7 +162,10 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
                       std::back_inserter(notes));
   if (!notes.empty()) message_ = fmt::format("{}", fmt::join(notes, "\n"));
   opacity_.open(opened_.map, opened_.recast);
-  if (opened_.map != before) begin_body();
+  if (opened_.map != before)
+    begin_body();
+  else if (takes_view && body_)
+    begin_at(std::exchange(session_.instant, {}));
 }
 
 void Viewer::open(std::span<const fs::path> paths) {
@@ -182,6 +185,10 @@ void Viewer::save_session() {
     ViewSession shown = session_;
     shown.pose = picture_pose();
     if (intervention_) shown.steered = intervention_->steered();
+    shown.instant.clear();
+    const std::vector<double> phases = phases_of_picture();
+    for (std::size_t m = 0; m < phases.size(); ++m)
+      shown.instant[shown_->keys->phases().rhythm().modes()[m].name] = phases[m];
     write_session(shown, path);
     message_ = "saved " + fs::absolute(path).string();
   });
@@ -352,7 +359,20 @@ void Viewer::begin_body() {
   request.motion =
       opened_.motion ? opened_.motion : std::make_shared<const Motion>(opened_.map->keys->phases().rhythm());
   body_ = std::make_unique<LiveBody>(request);
+  begin_at(std::exchange(session_.instant, {}));
   match_masks(mask_phase_);
+}
+
+/// The body goes on from the session's instant, or stays there beside instruments that do not move. What is
+/// held by request is.
+void Viewer::begin_at(const std::map<std::string, double>& instant) {
+  for (const auto& [mode, phase] : instant) {
+    const auto& modes = body_->motion().modes();
+    const bool is_there = std::ranges::find(modes, mode, &MotionMode::name) != modes.end();
+    if (!is_there || body_request_.phase.contains(mode)) continue;
+    body_->change({.holds = {{mode, {.is_held = true, .phase = phase}}}});
+    if (!session_.steered) body_->change({.holds = {{mode, {.is_held = false}}}});
+  }
 }
 
 bool Viewer::is_moving() const {
@@ -464,6 +484,7 @@ void Viewer::draw_fluoroscopy(const Pane& pane) {
     exposed_from_ = session_.pose;
     const View view = view_in(pane.width / screen_px, pane.height / screen_px);
     if (!water_path_) water_path_.emplace(shown_->attenuation);
+    if (body()) console_->set_motion_speed(body()->speed());
     console_->expose(renderer_.tau(view, session_.style), view, *water_path_, phases_of_picture());
     if (body() && is_pulse_due_) body()->mark_exposure(body()->time_s());
     held_.set(console_->image(), view.width, view.height);

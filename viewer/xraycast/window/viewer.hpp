@@ -172,6 +172,7 @@ class Viewer {
   void show_catheter();
   PulseBlur blur_of(const Pane& pane) const;
   void begin_body();
+  void begin_at(const std::map<std::string, double>& instant);
   void pass_time(double passed_s);
   void show_body(std::span<const double> phases);
   std::vector<double> phases_of_picture() const;

@@ -1,4 +1,4 @@
-#include "xraycast/serving/browser_message.hpp"
+#include "xraycast/trainer/browser_message.hpp"
 
 #include "xraycast/scene/contrast_surface.hpp"
 

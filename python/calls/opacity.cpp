@@ -1,4 +1,4 @@
-#include "opacity.hpp"
+#include "calls/opacity.hpp"
 
 #include "calls/arguments.hpp"
 #include "calls/values.hpp"

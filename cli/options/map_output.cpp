@@ -1,4 +1,4 @@
-#include "map_output.hpp"
+#include "options/map_output.hpp"
 
 #include "options/motion_options.hpp"
 #include "xraycast/base/error.hpp"

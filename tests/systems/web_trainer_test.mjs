@@ -1,0 +1,265 @@
+// Pages of `xraycast export --live`, opened from a disk in Debian's Chromium, and in Firefox. The program and the folder web/ are
+// named by the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join, resolve } from "node:path";
+import { after, before, test } from "node:test";
+import { pathToFileURL } from "node:url";
+import { browser_test, chromium, end_chromium, kMesa, puppeteer, require_of_web, start_chromium } from "./chromium.mjs";
+
+const { XRAYCAST_WEB_TEST: program, XRAYCAST_WEB: web } = process.env;
+const { PNG } = require_of_web("pngjs"), { buildSync } = require_of_web("esbuild");
+
+const folder = mkdtempSync(join(tmpdir(), "xraycast-web-"));
+const file = (name) => join(folder, name);
+const run = (...words) => execFileSync(program, words.map(String), { stdio: "ignore" });
+const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+
+before(async () => {
+  run("phantom", "thorax", "--size", "96x96x120", "-o", file("thorax.nrrd"), "--truth", file("truth"));
+  run("cast", file("thorax.nrrd"), "-o", file("map.exr"), "--layers", 4);
+  writeFileSync(file("push.csv"), "time_s,insertion_mm,rotation_deg\n0,0,0\n1,20,180\n3,200,180\n");
+  const live = ["export", file("map.exr"), "--vessels", file("truth"), "--live"];
+  run(...live, "--devices", "pigtail-5f", "--script", file("push.csv"), "-o", file("one.html"));
+  run(...live, "--device-model", "cobra-5f", "--device-model", "guidewire-035-j", "-o", file("pair.html"));
+  await start_chromium(...kMesa);
+});
+
+after(async () => {
+  await end_chromium();
+  rmSync(folder, { recursive: true });
+});
+
+async function open(name, { width = 900, height = 760, browser = chromium(), touch = false, first = () => {}, hash = "" } = {}) {
+  const page = await browser.newPage(), failures = [];
+  await page.setViewport({ width, height, hasTouch: touch });
+  await page.evaluateOnNewDocument(first);
+  page.on("pageerror", (error) => failures.push(`error: ${error.message}`));
+  page.on("console", (message) => message.type() === "error" && failures.push(`console: ${message.text()}`));
+  page.on("request", (request) => /^(file|data|blob):/.test(request.url()) || failures.push(`request: ${request.url()}`));
+  await page.goto(`${pathToFileURL(file(name))}${hash}`);
+  await page.waitForFunction(() => document.documentElement.dataset.pictures, { timeout: 60000 });
+  return { page, failures };
+}
+
+/** The same once the simulation has told of itself. */
+async function steer(name, options) {
+  const opened = await open(name, options);
+  await opened.page.waitForFunction(() => document.documentElement.dataset.exposures, { timeout: 60000 });
+  await opened.page.focus("#stage");
+  return opened;
+}
+
+async function close({ page, failures }) {
+  assert.deepEqual(failures, []);
+  await page.close();
+}
+
+async function reads(page, selector, pattern) {
+  await page.waitForFunction((selector, wanted) => new RegExp(wanted).test(document.querySelector(selector).textContent), { timeout: 20000 }, selector, pattern.source).catch(async () => {
+    assert.fail(`${selector} reads "${await page.$eval(selector, (element) => element.textContent)}", not ${pattern}`);
+  });
+}
+
+const until_at = (page, mm, is_above = true) => page.waitForFunction((mm, is_above) => {
+  const now = Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1] ?? NaN);
+  return is_above ? now >= mm : now <= mm;
+}, { timeout: 30000 }, mm, is_above);
+const exposures = (page) => page.evaluate(() => Number(document.documentElement.dataset.exposures));
+const drawn = async (page) => PNG.sync.read(Buffer.from(await (await page.$("#picture")).screenshot({ type: "png" })));
+const screenshot = (page, name) => process.env.XRAYCAST_SCREENSHOTS && page.screenshot({ path: join(process.env.XRAYCAST_SCREENSHOTS, name) });
+
+function changed(a, b) {
+  let count = 0;
+  for (let i = 0; i < a.data.length; i += 4) if (Math.abs(a.data[i] - b.data[i]) > 8) ++count;
+  return count;
+}
+
+browser_test("keys steer a wire in a catheter, off line, and the picture is held without the pedal", async () => {
+  const opened = await steer("pair.html", { hash: "#zoom=2.5&table=-200" }), { page } = opened;
+  await reads(page, "#live-role", /^You steer$/);
+  const still = await drawn(page), first = await exposures(page);
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 60);
+  assert.equal(await exposures(page), first);
+  assert.equal(changed(still, await drawn(page)), 0);
+  await page.keyboard.down("x");
+  await page.waitForFunction((first) => Number(document.documentElement.dataset.exposures) > first + 3, {}, first);
+  assert.ok(changed(still, await drawn(page)) > 300);
+  await page.keyboard.up("ArrowUp");
+  await page.keyboard.down("i");
+  await reads(page, "#live-readout", /no lumen is free|injecting, \d/); // the wire lies in the catheter, or is drawn back
+  await page.keyboard.up("i");
+  await page.keyboard.press("Tab");
+  await reads(page, "#live-readout", /^guidewire-035-j/);
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 90);
+  await page.keyboard.up("ArrowUp");
+  await page.keyboard.press("v");
+  await page.waitForFunction(() => document.querySelector("#valve").getAttribute("aria-pressed") === "true");
+  await screenshot(page, "trainer-pair.png");
+  await close(opened);
+});
+
+/** Keeps the text of files that the page would save. */
+function keep_files() {
+  globalThis.saved = [];
+  const { createObjectURL } = URL;
+  URL.createObjectURL = (file) => {
+    if (file.type === "text/csv") globalThis.saved.push(file);
+    return createObjectURL.call(URL, file);
+  };
+}
+
+browser_test("a run that is saved is one that simulate repeats", async (t) => {
+  const opened = await steer("one.html", { first: keep_files }), { page } = opened;
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 80);
+  await page.keyboard.up("ArrowUp");
+  await page.keyboard.down("ArrowRight");
+  await wait(700);
+  await page.keyboard.up("ArrowRight");
+  await wait(1500);
+  const shown_mm = Number((await page.$eval("#live-readout", (readout) => readout.textContent)).match(/(-?\d+) mm/)[1]);
+  await page.click("#report summary");
+  await reads(page, "#report-table", /path of the tip[6-9]\d mm.*reversals0largest force at the hub0\.\d\d N/);
+  await screenshot(page, "trainer-report.png");
+  await page.click("#save-run");
+  writeFileSync(file("saved.csv"), await page.evaluate(() => globalThis.saved[0].text()));
+  run("simulate", file("truth"), "--device-model", "cobra-5f", "--script", file("saved.csv"), "-o", file("log.csv"));
+  const [names, ...rows] = readFileSync(file("log.csv"), "utf8").trim().split("\n").map((row) => row.split(","));
+  const last = (name) => Number(rows.at(-1)[names.indexOf(name)]);
+  t.diagnostic(`${rows.length} rows, up to ${last("time_s")} s`);
+  assert.ok(Math.abs(last("insertion_mm") - shown_mm) <= 0.51 && last("rotation_deg") > 30, `${rows.at(-1)}`); // shown in whole mm
+  await close(opened);
+});
+
+browser_test("fingers steer on a telephone, and an instrument is exchanged once it is drawn back", async () => {
+  const opened = await steer("one.html", { width: 390, height: 844, touch: true }), { page } = opened;
+  assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 390);
+  await reads(page, "#note", /^Tap Fluoroscopy to see, and hold Push to advance\.$/);
+  await page.tap("#pedal");
+  await page.waitForFunction(() => document.querySelector("#note").hidden);
+  await reads(page, "#live-readout", /fluoroscopy \d+ s/);
+  const press = async (id) => {
+    const { x, y, width, height } = await (await page.$(id)).boundingBox();
+    return page.touchscreen.touchStart(x + width / 2, y + height / 2);
+  };
+  const push = await press("#push");
+  await until_at(page, 40);
+  await screenshot(page, "trainer-phone.png");
+  await push.end();
+  await page.select("#exchange", "1");
+  await reads(page, "#note", /^cobra-5f: inserted by [\d.]+ mm; draw it back to 0 before pigtail-5f takes its place\.$/);
+  const pull = await press("#pull");
+  await until_at(page, 0, false);
+  await pull.end();
+  await page.select("#exchange", "0");
+  await page.select("#exchange", "1");
+  await reads(page, "#live-readout", /^pigtail-5f/);
+  const again = await press("#push");
+  await until_at(page, 20);
+  await again.end();
+  await close(opened);
+});
+
+/** A gamepad whose stick is pushed and whose A is down, where a test says so. */
+function pad_of_test() {
+  globalThis.pad = { connected: true, mapping: "standard", axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false })) };
+  navigator.getGamepads = () => [globalThis.pad];
+}
+
+browser_test("a gamepad steers", async () => {
+  const opened = await steer("one.html", { first: pad_of_test }), { page } = opened;
+  await page.evaluate(() => {
+    dispatchEvent(new Event("gamepadconnected"));
+    globalThis.pad.axes[1] = -1;
+    globalThis.pad.buttons[0].pressed = true;
+  });
+  await until_at(page, 30);
+  await reads(page, "#live-readout", /fluoroscopy [1-9]\d* s/);
+  await page.evaluate(() => (globalThis.pad.axes[1] = globalThis.pad.axes[1] = 0));
+  await close(opened);
+});
+
+/** Notes when each message of the worker came, and its time. */
+function note_messages() {
+  globalThis.told = [];
+  const { addEventListener } = Worker.prototype;
+  Worker.prototype.addEventListener = function (kind, listener) {
+    addEventListener.call(this, kind, (event) => {
+      if (event.data instanceof ArrayBuffer) globalThis.told.push([performance.now(), 1000 * new DataView(event.data).getFloat32(8, true)]);
+      listener(event);
+    });
+  };
+}
+
+browser_test("the simulation keeps up with the clock, whatever the picture does", async (t) => {
+  const opened = await steer("one.html", { width: 640, height: 640, first: note_messages }), { page } = opened;
+  await page.keyboard.down("x");
+  await page.keyboard.down("ArrowUp");
+  await wait(10000);
+  const { told, pictures } = await page.evaluate(() => ({ told: globalThis.told, pictures: Number(document.documentElement.dataset.pictures) }));
+  const [from, first] = told.at(-280) ?? told[10], late_ms = told.slice(-250).map(([now, time]) => now - from - (time - first)).sort((a, b) => a - b);
+  const spread_ms = late_ms.at(-1) - late_ms[0];
+  t.diagnostic(`late by up to ${spread_ms.toFixed(0)} ms more than at its earliest, median ${(late_ms[late_ms.length >> 1] - late_ms[0]).toFixed(0)} ms; ${told.length} messages, ${pictures} pictures`);
+  assert.ok(spread_ms < 1000, `${spread_ms}`); // other programs share the processor
+  await close(opened);
+});
+
+browser_test("a step is short", async (t) => {
+  const html = readFileSync(file("one.html"), "utf8"), element = (id) => html.match(new RegExp(`id="${id}">([^<]*)<`))[1];
+  const [first, count] = JSON.parse(element("session")).parts.trainer;
+  const { outputFiles } = buildSync({ entryPoints: [join(resolve(web), "src/simulation.ts")], bundle: true, write: false, format: "iife", globalName: "simulated", target: "es2022" });
+  const page = await chromium().newPage();
+  await page.evaluate(outputFiles[0].text.replace("var simulated", "globalThis.simulated"));
+  const [step_ms, open_ms] = await page.evaluate(async (code, data, first, count) => {
+    const inflated = async (base64) => new Response(new Blob([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
+    const bytes = await inflated(code), setup = new Float64Array((await inflated(data)).slice(first, first + count)), least = [Infinity, Infinity];
+    for (let times = 0; times < 3; ++times) { // the least of which other programs disturbed least
+      const from_ms = performance.now(), simulation = await globalThis.simulated.Simulation.of(bytes, setup), opened_ms = performance.now();
+      for (let k = 0; k < 4000; ++k) simulation.follow(Float64Array.of(0.1 * k, 0));
+      [(performance.now() - opened_ms) / 4000, opened_ms - from_ms].forEach((ms, i) => (least[i] = Math.min(least[i], ms)));
+    }
+    return least;
+  }, element("simulation"), element("data"), first, count);
+  t.diagnostic(`${step_ms.toFixed(3)} ms a step of a Cobra at 100 mm/s, up to 400 mm; ${open_ms.toFixed(0)} ms to open`);
+  assert.ok(step_ms < 1, `${step_ms}`); // real time, on a busy machine too
+  await page.close();
+});
+
+browser_test("without WebAssembly the run is played", async () => {
+  const opened = await open("one.html", { first: () => delete globalThis.WebAssembly }), { page } = opened;
+  await reads(page, "#note", /^This browser has no WebAssembly with vectors and exceptions, so nothing can be steered; the run can be played\.$/);
+  assert.deepEqual(await page.$$eval("#run-player, #live", (sections) => sections.map(({ id, hidden }) => [id, hidden])), [["run-player", false], ["live", true]]);
+  await close(opened);
+});
+
+test("Firefox steers too", { skip: !existsSync("/usr/bin/firefox-esr") && "there is no firefox-esr" }, async () => {
+  const browser = await puppeteer.launch({ browser: "firefox", executablePath: "/usr/bin/firefox-esr", headless: true, extraPrefsFirefox: { "webgl.force-enabled": true } });
+  try {
+    const page = await browser.newPage();
+    await page.goto(String(pathToFileURL(file("one.html"))));
+    await page.waitForFunction(() => document.documentElement.dataset.exposures, { timeout: 60000 });
+    await page.focus("#stage");
+    await page.keyboard.down("x");
+    await page.keyboard.down("ArrowUp");
+    await until_at(page, 40);
+    await page.keyboard.up("ArrowUp");
+  } finally {
+    await browser.close();
+  }
+});
+
+test("pages that steer are small", (t) => {
+  const MB = statSync(file("one.html")).size / 1e6, simulation_MB = statSync(join(web, "simulation.txt")).size / 1e6;
+  t.diagnostic(`${MB.toFixed(2)} MB, ${simulation_MB.toFixed(2)} MB of them simulation`);
+  assert.ok(simulation_MB < 0.5, `${simulation_MB} MB`);
+});
+
+test("the committed simulation is what its sources make", { skip: !existsSync("/usr/bin/emcc") && "there is no emscripten" }, () => {
+  execFileSync(join(web, "native/build.sh"), [file("simulation.txt"), file("objects")], { stdio: "ignore" });
+  assert.ok(readFileSync(file("simulation.txt")).equals(readFileSync(join(web, "simulation.txt"))), "run ./dev page");
+});

@@ -1,0 +1,149 @@
+// What a page that steers by itself runs in its worker.
+#include "xraycast/trainer/trainer.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/phantom/phantom.hpp"
+#include "xraycast/simulation/run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <span>
+
+namespace xraycast::trainer_test {
+namespace {
+
+TrainerSetup setup_with(const std::vector<std::string>& choices, std::vector<std::size_t> used) {
+  static const auto tree =
+      std::make_shared<const VesselTree>(make_phantom("thorax").vessel_branches(), "thorax");
+  TrainerSetup setup{
+      .tree = tree, .choices = instruments_named(choices), .used = std::move(used), .entry = {}};
+  setup.entry = find_entry(*tree, {}, setup.choices[setup.used.front()]);
+  return setup;
+}
+
+/// What a message begins with (docs/web.md).
+struct Head {
+  unsigned flags, held_hub, instruments, exposures;
+  float time_s, fluoroscopy_s, injected_ml;
+};
+
+Head head_of(const std::string& message) {
+  Head head{static_cast<unsigned char>(message[1]),
+            static_cast<unsigned char>(message[2]),
+            static_cast<unsigned char>(message[3]),
+            0,
+            0,
+            0,
+            0};
+  std::memcpy(&head.exposures, &message[4], 16);
+  return head;
+}
+
+TEST(TrainerSetup, HasAllNumbersThatAreSimulated) {
+  const TrainerSetup setup = setup_with({"cobra-5f", "pigtail-5f", "guidewire-035-j"}, {0, 2});
+  const std::vector<double> numbers = packed(setup);
+  const TrainerSetup again = trainer_setup_of(numbers);
+  EXPECT_EQ(packed(again), numbers);
+  EXPECT_EQ(again.entry.branch, setup.entry.branch);
+  EXPECT_EQ(again.instruments()[1].length_mm(), setup.choices[2].length_mm());
+  EXPECT_EQ(again.choices[1].rest_turn_rad(0, 60), setup.choices[1].rest_turn_rad(0, 60));
+}
+
+TEST(TrainerSetup, RefusesNumbersThatAreCutOrWrong) {
+  std::vector<double> numbers = packed(setup_with({"cobra-5f"}, {0}));
+  for (const std::size_t count : {std::size_t{0}, std::size_t{3}, numbers.size() / 2, numbers.size() - 1})
+    EXPECT_THROW(trainer_setup_of(std::span(numbers).first(count)), InputError) << count;
+  for (const double wrong : {1e300, -2.0, std::nan("")}) {
+    std::vector<double> other = numbers;
+    other.back() = wrong;  // the choice that is used
+    EXPECT_THROW(trainer_setup_of(other), InputError) << wrong;
+    other = numbers;
+    other.front() = wrong;  // the number of branches
+    EXPECT_THROW(trainer_setup_of(other), InputError) << wrong;
+  }
+}
+
+TEST(Trainer, ObeysTheHand) {
+  Trainer trainer(setup_with({"cobra-5f"}, {0}));
+  trainer.hold({.push = 1, .turn = 1});
+  trainer.advance(1000);
+  // 40 mm and 120 degrees a second, but for the spring between hand and hub.
+  EXPECT_NEAR(trainer.instruments().pose(0).insertion_mm, 40, 2);
+  EXPECT_NEAR(trainer.instruments().pose(0).rotation_rad, 2.09, 0.2);
+  trainer.hold({.push = -0.5, .is_slow = true});
+  trainer.advance(1000);
+  EXPECT_NEAR(trainer.instruments().pose(0).insertion_mm, 36, 2);
+}
+
+TEST(Trainer, ExposesWhileThePedalIsDown) {
+  Trainer trainer(setup_with({"cobra-5f"}, {0}));
+  EXPECT_EQ(head_of(trainer.message()).exposures, 1u);  // to be held
+  trainer.advance(100);
+  const Head held = head_of(trainer.message());
+  EXPECT_EQ(held.exposures, 1u);
+  EXPECT_EQ(held.fluoroscopy_s, 0);
+  EXPECT_FLOAT_EQ(held.time_s, 0.1f);
+  trainer.hold({.pedal = true, .injects = true});
+  trainer.advance(200);
+  const std::string message = trainer.message();
+  const Head live = head_of(message);
+  EXPECT_EQ(live.exposures, 2u);
+  EXPECT_EQ(live.flags, 1u + 2u + 8u);  // exposes, injects, and a lumen is free
+  EXPECT_FLOAT_EQ(live.fluoroscopy_s, 0.2f);
+  EXPECT_FLOAT_EQ(live.injected_ml, 1.0f);  // 5 ml/s
+  trainer.hold({});
+  trainer.advance(1);
+  EXPECT_EQ(head_of(trainer.message()).exposures, 2u);
+  EXPECT_EQ(trainer.message().size(), message.size());  // the agent of the exposure
+}
+
+TEST(Trainer, HoldsOneOfSeveralHubsAndLocksThem) {
+  Trainer trainer(setup_with({"cobra-5f", "guidewire-035-j"}, {0, 1}));
+  trainer.hold_next_hub();
+  trainer.hold({.push = 1});
+  trainer.advance(500);
+  EXPECT_NEAR(trainer.instruments().pose(0).insertion_mm, 0, 0.1);
+  EXPECT_NEAR(trainer.instruments().pose(1).insertion_mm, 20, 2);
+  const Head head = head_of(trainer.message());
+  EXPECT_EQ(head.held_hub, 1u);
+  EXPECT_EQ(head.instruments, 2u);
+  EXPECT_EQ(head.flags, 0u);  // the wire fills the lumen
+  trainer.toggle_valve();
+  trainer.advance(500);
+  EXPECT_EQ(head_of(trainer.message()).flags, 4u);
+  EXPECT_GT(trainer.instruments().pose(0).insertion_mm, 10);
+}
+
+TEST(Trainer, ExchangesWhatIsDrawnBack) {
+  Trainer trainer(setup_with({"cobra-5f", "pigtail-5f", "guide-6f"}, {0}));
+  trainer.hold({.push = 1});
+  trainer.advance(500);
+  EXPECT_THROW(trainer.exchange(0, 1), InputError);
+  trainer.hold({.push = -1});
+  trainer.advance(1000);
+  trainer.exchange(0, 1);
+  EXPECT_EQ(trainer.instruments().rod(0).instrument().name(), "pigtail-5f");
+  EXPECT_THROW(trainer.exchange(0, 9), InputError);
+  EXPECT_THROW(trainer.exchange(1, 0), InputError);
+  trainer.hold({.push = 1});
+  trainer.advance(500);
+  EXPECT_NEAR(trainer.instruments().pose(0).insertion_mm, 20, 2);
+}
+
+TEST(Trainer, FollowsAScriptAsTheInstrumentsDo) {
+  const TrainerSetup setup = setup_with({"cobra-5f"}, {0});
+  Trainer trainer(setup);
+  Instruments instruments(*setup.tree, setup.instruments(), setup.entry);
+  for (int step = 1; step <= 1000; ++step) {
+    const std::vector<HubPose> poses{{0.1 * step, 0.001 * step}};
+    trainer.follow(poses);
+    instruments.step(poses);
+  }
+  EXPECT_EQ(trainer.instruments().tip(0).position_mm, instruments.tip(0).position_mm);
+  trainer.advance(100);  // the hand holds it there
+  EXPECT_NEAR(trainer.instruments().pose(0).insertion_mm, 100, 1);
+}
+
+}  // namespace
+}  // namespace xraycast::trainer_test

@@ -1,0 +1,117 @@
+#include "xraycast/trainer/trainer.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/haptics/hand_rates.hpp"
+#include "xraycast/scene/instrument_curve.hpp"
+#include "xraycast/simulation/agent_outlet.hpp"
+
+#include <array>
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models) {
+  std::vector<double> insertions_mm;
+  for (const InstrumentModel& model : models) insertions_mm.push_back(max_insertion_mm(model));
+  return insertions_mm;
+}
+
+/// Of a millilitre of iodine, which the page has its own of.
+constexpr double kAnyAttenuation_per_mm = 1;
+
+}  // namespace
+
+Trainer::Trainer(TrainerSetup setup)
+    : setup_(std::move(setup)),
+      instruments_(*setup_.tree, setup_.instruments(), setup_.entry),
+      couplings_(device_, max_insertions_mm(setup_.instruments())),
+      bolus_(*setup_.tree),
+      contrast_(*setup_.tree, kAnyAttenuation_per_mm),
+      report_(instruments_) {
+  message_.instruments.resize(instruments_.count());
+}
+
+void Trainer::hold_next_hub() { device_.hold((device_.held() + 1) % instruments_.count()); }
+
+void Trainer::toggle_valve() {
+  if (instruments_.count() > 1) couplings_.lock(!couplings_.is_locked());
+}
+
+void Trainer::exchange(std::size_t instrument, std::size_t choice) {
+  if (instrument >= instruments_.count() || choice >= setup_.choices.size())
+    throw InputError("there is no instrument {} or {}", instrument, choice);
+  instruments_.exchange(instrument, setup_.choices[choice]);
+  setup_.used[instrument] = choice;
+  report_.exchanged(instrument, instruments_);
+  couplings_.replace(instrument, {}, instruments_.max_insertion_mm(instrument));
+}
+
+void Trainer::advance(int steps) {
+  const double speed = hand_.is_slow ? kSlowly : 1;
+  device_.set_rates(speed * kPush_mm_s * hand_.push, speed * kRotate_rad_s * hand_.turn);
+  const std::size_t count = instruments_.count();
+  std::array<HubPose, kMaxHubs> poses;
+  std::array<HubLoad, kMaxHubs> loads;
+  for (; steps > 0; --steps) {
+    for (std::size_t d = 0; d < count; ++d) {
+      poses[d] = instruments_.pose(d);
+      loads[d] = instruments_.load(d);
+    }
+    instruments_.step(couplings_.step({poses.data(), count}, {loads.data(), count}, instruments_.step_s()));
+    report_.add(instruments_);
+  }
+}
+
+void Trainer::follow(std::span<const HubPose> poses) {
+  instruments_.step(poses);
+  report_.add(instruments_);
+  for (std::size_t d = 0; d < poses.size(); ++d)
+    couplings_.replace(d, instruments_.pose(d), instruments_.max_insertion_mm(d));
+}
+
+std::string Trainer::message() {
+  let_flow();
+  message_.exposes = hand_.pedal;
+  message_.injects = hand_.injects;
+  message_.is_valve_locked = couplings_.is_locked();
+  message_.held_hub = device_.held();
+  for (std::size_t d = 0; d < instruments_.count(); ++d) {
+    message_.instruments[d].pose = instruments_.pose(d);
+    message_.instruments[d].load = instruments_.load(d);
+  }
+  if (hand_.pedal || message_.exposures == 0) expose();
+  return packed(message_);
+}
+
+void Trainer::let_flow() {
+  const double passed_s = instruments_.time_s() - told_s_;
+  const std::optional<std::size_t> outlet = agent_outlet(instruments_);
+  message_.time_s = told_s_ = instruments_.time_s();
+  message_.has_outlet = outlet.has_value();
+  if (passed_s <= 0) return;
+  const InstrumentTip tip = instruments_.tip(outlet.value_or(0));
+  VesselTree::Location place;
+  place.branch = tip.branch;
+  place.arc_length_mm = tip.arc_length_mm;
+  const double ml_s = hand_.injects && outlet ? kInjection_ml_s : 0;
+  bolus_.step(passed_s, place, ml_s);
+  message_.injected_ml += ml_s * passed_s;
+  if (hand_.pedal) message_.fluoroscopy_s += passed_s;
+}
+
+void Trainer::expose() {
+  ++message_.exposures;
+  std::vector<glm::dvec3> nodes_mm;
+  for (std::size_t d = 0; d < instruments_.count(); ++d) {
+    instruments_.copy_nodes(d, nodes_mm);
+    const bool has_lumen = setup_.choices[setup_.used[d]].inner_radius_mm() > 0;
+    auto& parts_mm = message_.instruments[d].parts_mm;
+    parts_mm.clear();
+    for (const std::vector<glm::dvec3>& length_mm : lengths_of(nodes_mm, has_lumen))
+      parts_mm.push_back(controls_of(length_mm));
+  }
+  message_.drums_mg_ml = contrast_.drums_mg_ml(bolus_.iodine_mg_ml());
+}
+
+}  // namespace xraycast

@@ -1,0 +1,67 @@
+#pragma once
+
+#include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/haptics/hub_couplings.hpp"
+#include "xraycast/haptics/manual_device.hpp"
+#include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/simulation/contrast_bolus.hpp"
+#include "xraycast/simulation/run_report.hpp"
+#include "xraycast/trainer/browser_message.hpp"
+#include "xraycast/trainer/trainer_setup.hpp"
+
+#include <span>
+#include <string>
+
+namespace xraycast {
+
+/// What a hand holds down.
+struct TrainerHand {
+  double push = 0, turn = 0;  ///< -1 to 1, of the hub that is held
+  bool is_slow = false, pedal = false, injects = false;
+};
+
+/// Instruments steered by hand in one thread, which its owner steps: a page without a server has it in a
+/// worker, as WebAssembly. What it tells is what a server of a live session tells (docs/web.md), of a body
+/// that is still. It has no clock but its steps, of a millisecond each.
+class Trainer {
+ public:
+  /// Throws InputError where the instruments do not fit.
+  explicit Trainer(TrainerSetup setup);
+
+  void hold(const TrainerHand& hand) { hand_ = hand; }
+  void hold_next_hub();
+  void toggle_valve();
+
+  /// Takes one of the choices instead of an instrument, as Instruments::exchange.
+  void exchange(std::size_t instrument, std::size_t choice);
+
+  /// So many steps as the hand moves.
+  void advance(int steps);
+
+  /// A step towards hubs' poses that are given, as of a script; the hand goes on from there.
+  void follow(std::span<const HubPose> poses);
+
+  /// The state, and an exposure of it while the pedal is down; at first without. Contrast agent flows until
+  /// then.
+  std::string message();
+
+  const Instruments& instruments() const { return instruments_; }
+  const RunFigures& figures() const { return report_.figures(); }  ///< so far
+
+ private:
+  void let_flow();
+  void expose();
+
+  TrainerSetup setup_;
+  Instruments instruments_;
+  ManualDevice device_{"hand"};
+  HubCouplings couplings_;
+  ContrastBolus bolus_;
+  ContrastSurface contrast_;
+  RunReport report_;
+  TrainerHand hand_;
+  double told_s_ = 0;  ///< when the last message was
+  BrowserMessage message_;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,154 @@
+#include "xraycast/trainer/trainer_setup.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <algorithm>
+#include <string>
+
+namespace xraycast {
+namespace {
+
+using Range = InstrumentSection::Range;
+
+const char* const kName = "trainer";
+
+/// Takes numbers one after the other.
+class SetupNumbers {
+ public:
+  explicit SetupNumbers(std::span<const double> numbers) : left_(numbers) {}
+
+  double real() {
+    if (left_.empty()) throw InputError("{}: its data end early", kName);
+    const double number = left_.front();
+    left_ = left_.subspan(1);
+    return number;
+  }
+  /// At most as many as there are numbers left, so that no list is longer than its data.
+  std::size_t count() {
+    const double number = real();
+    if (!(number >= 0 && number <= static_cast<double>(left_.size())))
+      throw InputError("{}: its data end early", kName);
+    return static_cast<std::size_t>(number);
+  }
+  int index() {
+    constexpr double kMost = 1e6;
+    const double number = real();
+    if (!(number >= -1 && number <= kMost))
+      throw InputError("{}: {} is no number of a branch", kName, number);
+    return static_cast<int>(number);
+  }
+  Range range() {
+    const double at_tip = real();
+    return {at_tip, real()};
+  }
+
+ private:
+  std::span<const double> left_;
+};
+
+void add(const Range& range, std::vector<double>& numbers) {
+  numbers.push_back(range.at_tip);
+  numbers.push_back(range.at_hub);
+}
+
+void add_tree(const VesselTree& tree, std::vector<double>& numbers) {
+  numbers.push_back(static_cast<double>(tree.branches().size()));
+  for (const VesselBranch& branch : tree.branches()) {
+    numbers.push_back(branch.parent);
+    numbers.push_back(static_cast<double>(branch.points.size()));
+    for (const VesselPoint& point : branch.points)
+      for (const double number :
+           {point.position_mm.x, point.position_mm.y, point.position_mm.z, point.radius_mm})
+        numbers.push_back(number);
+  }
+}
+
+void add_model(const InstrumentModel::Properties& p, std::vector<double>& numbers) {
+  for (const double number : {p.radius_mm, p.inner_radius_mm, p.mass_per_length_g_mm, p.axial_stiffness_N,
+                              p.static_friction, p.kinetic_friction})
+    numbers.push_back(number);
+  numbers.push_back(static_cast<double>(p.sections.size()));
+  for (const InstrumentSection& section : p.sections) {
+    numbers.push_back(section.length_mm);
+    add(section.bending_stiffness_Nmm2, numbers);
+    add(section.torsional_stiffness_Nmm2, numbers);
+    add(section.curvature_per_mm, numbers);
+    numbers.push_back(section.plane_rad);
+  }
+}
+
+std::shared_ptr<const VesselTree> tree_of(SetupNumbers& numbers) {
+  std::vector<VesselBranch> branches(numbers.count());
+  for (VesselBranch& branch : branches) {
+    branch.parent = numbers.index();
+    branch.points.resize(numbers.count());
+    for (VesselPoint& point : branch.points) {
+      for (int axis = 0; axis < 3; ++axis) point.position_mm[axis] = numbers.real();
+      point.radius_mm = numbers.real();
+    }
+  }
+  return std::make_shared<const VesselTree>(std::move(branches), kName);
+}
+
+VesselEnd entry_of(const VesselTree& tree, SetupNumbers& numbers) {
+  const int branch = numbers.index();
+  const bool at_start = numbers.real() != 0;
+  for (const VesselEnd& end : vessel_ends(tree))
+    if (end.branch == branch && end.at_start == at_start) return end;
+  throw InputError("{}: there is no end of branch {}", kName, branch);
+}
+
+InstrumentModel model_of(SetupNumbers& numbers, const std::string& name) {
+  InstrumentModel::Properties p;
+  p.name = name;
+  for (double* number : {&p.radius_mm, &p.inner_radius_mm, &p.mass_per_length_g_mm, &p.axial_stiffness_N,
+                         &p.static_friction, &p.kinetic_friction})
+    *number = numbers.real();
+  p.sections.resize(numbers.count());
+  for (InstrumentSection& section : p.sections) {
+    section.length_mm = numbers.real();
+    section.bending_stiffness_Nmm2 = numbers.range();
+    section.torsional_stiffness_Nmm2 = numbers.range();
+    section.curvature_per_mm = numbers.range();
+    section.plane_rad = numbers.real();
+  }
+  return InstrumentModel(std::move(p), name);
+}
+
+}  // namespace
+
+std::vector<InstrumentModel> TrainerSetup::instruments() const {
+  std::vector<InstrumentModel> models;
+  for (const std::size_t choice : used) models.push_back(choices[choice]);
+  return models;
+}
+
+std::vector<double> packed(const TrainerSetup& setup) {
+  std::vector<double> numbers;
+  add_tree(*setup.tree, numbers);
+  numbers.push_back(setup.entry.branch);
+  numbers.push_back(setup.entry.at_start ? 1 : 0);
+  numbers.push_back(static_cast<double>(setup.choices.size()));
+  for (const InstrumentModel& model : setup.choices) add_model(model.properties(), numbers);
+  numbers.push_back(static_cast<double>(setup.used.size()));
+  for (const std::size_t choice : setup.used) numbers.push_back(static_cast<double>(choice));
+  return numbers;
+}
+
+TrainerSetup trainer_setup_of(std::span<const double> packed) {
+  SetupNumbers numbers(packed);
+  TrainerSetup setup;
+  setup.tree = tree_of(numbers);
+  setup.entry = entry_of(*setup.tree, numbers);
+  const std::size_t choices = numbers.count();
+  for (std::size_t c = 0; c < choices; ++c)
+    setup.choices.push_back(model_of(numbers, "instrument " + std::to_string(c)));
+  setup.used.resize(numbers.count());
+  for (std::size_t& choice : setup.used) {
+    choice = static_cast<std::size_t>(numbers.index());
+    if (choice >= choices) throw InputError("{}: there are {} instruments", kName, choices);
+  }
+  return setup;
+}
+
+}  // namespace xraycast

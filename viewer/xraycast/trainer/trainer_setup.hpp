@@ -1,0 +1,34 @@
+#pragma once
+
+#include "xraycast/catheter/vessel_entry.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/mechanics/instrument_model.hpp"
+
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// What is steered in a page without a server: instruments from `choices`, in a tree.
+struct TrainerSetup {
+  std::shared_ptr<const VesselTree> tree{};
+  std::vector<InstrumentModel> choices{};  ///< of instruments
+  std::vector<std::size_t> used{};         ///< of these at first, from the outermost on
+  VesselEnd entry{};
+
+  std::vector<InstrumentModel> instruments() const;
+};
+
+/// Its numbers, which are all of it but the instruments' names. In order: of branches their number, and of
+/// each its parent, the number of its points, and x, y, z and radius in mm of each; the entry's branch, and 1
+/// where that is entered at its start; the number of choices, and of each its radius and lumen in mm, mass in
+/// g/mm, axial stiffness in N, static and kinetic friction, the number of its sections, and of each its
+/// length in mm, bending and torsional stiffness in N mm2 and curvature per mm, two each (see
+/// InstrumentSection), and its plane in rad; and the number of instruments, and the choice of each.
+std::vector<double> packed(const TrainerSetup& setup);
+
+/// Throws InputError where numbers are missing, and as VesselTree and InstrumentModel.
+TrainerSetup trainer_setup_of(std::span<const double> numbers);
+
+}  // namespace xraycast

@@ -1,0 +1,41 @@
+#!/bin/sh
+# Compiles the simulation to WebAssembly by Debian's emscripten, and writes it deflated, in base64: `build.sh FILE [FOLDER]`, where
+# FOLDER takes objects (default: build/wasm). The same sources as the program's, with the same arithmetic, four numbers at once as in the program: no products are fused.
+set -eu
+root=$(cd "$(dirname "$0")/../.." && pwd)
+file=$1
+folder=${2:-$root/build/wasm}
+sources="
+  host/xraycast/base/plain_text host/xraycast/base/pluralize host/xraycast/base/printable
+  host/xraycast/geometry/branch_names host/xraycast/geometry/nurbs_curve host/xraycast/geometry/segment_index host/xraycast/geometry/tube host/xraycast/geometry/vessel_tree
+  host/xraycast/motion/motion host/xraycast/motion/motion_mode
+  simulation/xraycast/mechanics/block_band_matrix simulation/xraycast/mechanics/instrument_model simulation/xraycast/mechanics/rod
+  simulation/xraycast/mechanics/rod_derivatives simulation/xraycast/mechanics/rod_system
+  simulation/xraycast/catheter/hub simulation/xraycast/catheter/lumen_distance_field simulation/xraycast/catheter/moving_body
+  simulation/xraycast/catheter/vessel_entry simulation/xraycast/catheter/wall_contact
+  simulation/xraycast/coaxial/coaxial_rods simulation/xraycast/coaxial/instruments simulation/xraycast/coaxial/lumen_contact
+  simulation/xraycast/coaxial/rod_curve
+  simulation/xraycast/simulation/agent_outlet simulation/xraycast/simulation/cardiac_waveform
+  simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/laminar_vessel
+  simulation/xraycast/simulation/run_report
+  simulation/xraycast/haptics/hub_couplings simulation/xraycast/haptics/virtual_coupling
+  viewer/xraycast/scene/contrast_surface viewer/xraycast/scene/instrument_curve
+  viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/trainer viewer/xraycast/trainer/trainer_setup
+  web/native/trainer"
+mkdir -p "$folder/include"
+# Debian's header-only libraries, without its C library beside them.
+for library in fmt glm nlohmann; do ln -sfn "/usr/include/$library" "$folder/include/$library"; done
+flags="-std=c++20 -O2 -msimd128 -flto -DNDEBUG -DFMT_HEADER_ONLY -ffp-contract=off -fno-math-errno -fwasm-exceptions -Wno-psabi"
+cd "$root"
+for source in $sources; do echo "$source"; done | xargs -P "$(nproc)" -I{} sh -c '
+  object=$1/$(echo "$2" | tr / _).o
+  [ -z "$(find host simulation viewer web/native -newer "$object" \( -name "*.hpp" -o -path "$2.cpp" -o -name build.sh \) 2>/dev/null | head -1)" ] && [ -f "$object" ] ||
+    emcc $3 -Ihost -Isimulation -Iviewer -I"$1/include" -isystem /usr/include/eigen3 -c "$2.cpp" -o "$object"' sh "$folder" {} "$flags"
+objects=$(for source in $sources; do echo "$folder/$(echo "$source" | tr / _).o"; done)
+# shellcheck disable=SC2086
+emcc $flags $objects -o "$folder/simulation.wasm" --no-entry -sSTANDALONE_WASM=1 -sALLOW_MEMORY_GROWTH=1 -sFILESYSTEM=0 -sMALLOC=emmalloc
+node -e '
+const { readFileSync, writeFileSync } = require("node:fs"), { deflateSync } = require("node:zlib");
+const code = readFileSync(process.argv[1]), packed = deflateSync(code, { level: 9 }).toString("base64");
+writeFileSync(process.argv[2], packed);
+console.error(`${code.length} bytes of WebAssembly, ${packed.length} in a page`);' "$folder/simulation.wasm" "$file"

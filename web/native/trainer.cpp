@@ -1,0 +1,90 @@
+// What a page's worker calls of the simulation, which `./dev page` compiles to WebAssembly (docs/web.md). One
+// trainer is open at a time. Functions that can fail return null, or a line that says why and stays until the
+// next call.
+#include "xraycast/trainer/trainer.hpp"
+
+#include <cstdint>
+#include <emscripten/emscripten.h>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace {
+
+std::vector<double> numbers;
+std::unique_ptr<xraycast::Trainer> trainer;
+std::string text;
+
+template <typename Action>
+const char* failure_of(const Action& action) {
+  try {
+    action();
+    return nullptr;
+  } catch (const std::exception& error) {
+    text = error.what();
+    return text.c_str();
+  }
+}
+
+}  // namespace
+
+extern "C" {
+
+/// Room for so many numbers, which the next call takes: a setup, or poses.
+EMSCRIPTEN_KEEPALIVE double* trainer_room(std::size_t count) {
+  numbers.resize(count);
+  return numbers.data();
+}
+
+EMSCRIPTEN_KEEPALIVE const char* trainer_open() {
+  return failure_of(
+      [] { trainer = std::make_unique<xraycast::Trainer>(xraycast::trainer_setup_of(numbers)); });
+}
+
+EMSCRIPTEN_KEEPALIVE void trainer_hold(double push, double turn, bool is_slow, bool pedal, bool injects) {
+  trainer->hold({push, turn, is_slow, pedal, injects});
+}
+EMSCRIPTEN_KEEPALIVE void trainer_next_hub() { trainer->hold_next_hub(); }
+EMSCRIPTEN_KEEPALIVE void trainer_valve() { trainer->toggle_valve(); }
+EMSCRIPTEN_KEEPALIVE const char* trainer_exchange(std::size_t instrument, std::size_t choice) {
+  return failure_of([&] { trainer->exchange(instrument, choice); });
+}
+
+EMSCRIPTEN_KEEPALIVE void trainer_advance(int steps) { trainer->advance(steps); }
+
+/// A step to an insertion in mm and a rotation in rad of each hub, which lie in the room; then it holds of
+/// each instrument the tip in mm, and force in N and torque in N m at the hub.
+EMSCRIPTEN_KEEPALIVE void trainer_follow() {
+  const xraycast::Instruments& instruments = trainer->instruments();
+  std::vector<xraycast::HubPose> poses;
+  for (std::size_t d = 0; d < instruments.count(); ++d) poses.push_back({numbers[2 * d], numbers[2 * d + 1]});
+  trainer->follow(poses);
+  numbers.clear();
+  for (std::size_t d = 0; d < instruments.count(); ++d) {
+    const glm::dvec3 tip_mm = instruments.tip(d).position_mm;
+    const xraycast::HubLoad load = instruments.load(d);
+    numbers.insert(numbers.end(), {tip_mm.x, tip_mm.y, tip_mm.z, load.force_N, load.torque_Nm});
+  }
+}
+
+/// The room takes the figures so far: the time and the idle time in s, and of each instrument what
+/// InstrumentFigures has, in its order. Returns how many numbers these are.
+EMSCRIPTEN_KEEPALIVE std::size_t trainer_figures() {
+  const xraycast::RunFigures& figures = trainer->figures();
+  numbers = {figures.time_s, figures.idle_s};
+  for (const xraycast::InstrumentFigures& f : figures.instruments)
+    numbers.insert(numbers.end(),
+                   {f.path_mm, f.turned_rad, static_cast<double>(f.reversals), f.largest_N, f.mean_N,
+                    f.largest_Nm, f.largest_wall_N, f.wall_impulse_Ns, static_cast<double>(f.exchanges)});
+  return numbers.size();
+}
+
+/// The bytes of a message; see trainer_message_size.
+EMSCRIPTEN_KEEPALIVE const char* trainer_message() {
+  text = trainer->message();
+  return text.data();
+}
+EMSCRIPTEN_KEEPALIVE std::size_t trainer_message_size() { return text.size(); }
+
+}  // extern "C"

@@ -1,0 +1,101 @@
+// The simulation, compiled to WebAssembly from the program's sources (web/native/trainer.cpp).
+
+interface Exports {
+  memory: WebAssembly.Memory;
+  _initialize(): void;
+  trainer_room(count: number): number;
+  trainer_open(): number;
+  trainer_hold(push: number, turn: number, is_slow: boolean, pedal: boolean, injects: boolean): void;
+  trainer_next_hub(): void;
+  trainer_valve(): void;
+  trainer_exchange(instrument: number, choice: number): number;
+  trainer_advance(steps: number): void;
+  trainer_follow(): void;
+  trainer_figures(): number;
+  trainer_message(): number;
+  trainer_message_size(): number;
+}
+
+/** What a hand holds down. */
+export interface HandHolds {
+  push: number; // -1 to 1
+  turn: number;
+  slow: boolean;
+  pedal: boolean;
+  inject: boolean;
+}
+
+export class Simulation {
+  private constructor(private readonly calls: Exports) {}
+
+  /** Of an exported page's setup (viewer/xraycast/trainer/trainer_setup.hpp). Throws where that is damaged. */
+  static async of(code: BufferSource, setup: Float64Array): Promise<Simulation> {
+    const ends = (status: number) => {
+      throw new Error(`the simulation ended with ${status}`);
+    };
+    const { instance } = await WebAssembly.instantiate(code, {
+      env: { emscripten_notify_memory_growth: () => {} },
+      wasi_snapshot_preview1: { proc_exit: ends, environ_sizes_get: () => 52, environ_get: () => 52 }, // there is none
+    });
+    const simulation = new Simulation(instance.exports as unknown as Exports);
+    simulation.calls._initialize();
+    simulation.put(setup);
+    const failure = simulation.text_at(simulation.calls.trainer_open());
+    if (failure !== null) throw new Error(failure);
+    return simulation;
+  }
+
+  hold({ push, turn, slow, pedal, inject }: HandHolds): void {
+    this.calls.trainer_hold(push, turn, slow, pedal, inject);
+  }
+
+  hold_next_hub(): void {
+    this.calls.trainer_next_hub();
+  }
+
+  toggle_valve(): void {
+    this.calls.trainer_valve();
+  }
+
+  /** Why it was refused, or null. */
+  exchange(instrument: number, choice: number): string | null {
+    return this.text_at(this.calls.trainer_exchange(instrument, choice));
+  }
+
+  /** So many milliseconds as the hand moves. */
+  advance(steps: number): void {
+    this.calls.trainer_advance(steps);
+  }
+
+  /** A step to an insertion in mm and a rotation in rad of each hub. Of each instrument: its tip's x, y, z in mm, force in N and torque in N m. */
+  follow(poses: Float64Array): Float64Array {
+    const instruments = poses.length / 2;
+    this.put(poses);
+    this.calls.trainer_follow();
+    const at = this.calls.trainer_room(5 * instruments);
+    return new Float64Array(this.calls.memory.buffer, at, 5 * instruments).slice();
+  }
+
+  /** What the instruments did so far; see report.ts. */
+  figures(): Float64Array {
+    const count = this.calls.trainer_figures();
+    return new Float64Array(this.calls.memory.buffer, this.calls.trainer_room(count), count).slice();
+  }
+
+  /** As a server's; see live_message.ts. */
+  message(): ArrayBuffer {
+    const at = this.calls.trainer_message();
+    return this.calls.memory.buffer.slice(at, at + this.calls.trainer_message_size());
+  }
+
+  private put(numbers: Float64Array): void {
+    const at = this.calls.trainer_room(numbers.length); // memory may grow, and has another buffer then
+    new Float64Array(this.calls.memory.buffer, at, numbers.length).set(numbers);
+  }
+
+  private text_at(at: number): string | null {
+    if (at === 0) return null;
+    const bytes = new Uint8Array(this.calls.memory.buffer);
+    return new TextDecoder().decode(bytes.subarray(at, bytes.indexOf(0, at)));
+  }
+}
