@@ -3,12 +3,14 @@
 
 #include "support/tubes.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/segmentation/poor_results.hpp"
 
 #include <glm/trigonometric.hpp>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 namespace xraycast::centreline_test {
 namespace {
@@ -125,6 +127,64 @@ TEST(Centrelines, PartWhereATubeBranches) {
   const auto counts = [&](const glm::dvec3& p) { return glm::distance(p, fork) > 3 * kRadius; };
   const Deviation worst = deviation(found.tree, kRadius, counts, distance);
   EXPECT_LT(worst.off_vox, 0.3);
+}
+
+/// A tube 20 voxels wide whose wall noise has pitted.
+Mask pitted_tube(std::uint32_t seed) {
+  std::mt19937 random(seed);
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random()) / 4294967296.0;
+  };
+  Mask tube = mask_where({.size = {40, 40, 100}}, [](const glm::dvec3& p) {
+    return p.z >= 8 && p.z <= 92 && std::hypot(p.x - 20, p.y - 20) < 10;
+  });
+  for (int pit = 0; pit < 80; ++pit) {
+    const double angle = uniform(0, 2 * std::acos(-1)), out = uniform(7, 10), radius = uniform(0.6, 1.8);
+    const glm::dvec3 middle(20 + out * std::cos(angle), 20 + out * std::sin(angle), uniform(15, 85));
+    for_each_voxel({Index3(0), tube.geometry.size}, [&](const Index3& v) {
+      if (glm::distance(glm::dvec3(v), middle) < radius) tube[v] = 0;
+    });
+  }
+  return tube;
+}
+
+TEST(Centrelines, OfAWideVesselAreHardlyEverPartedByPitsInItsWall) {
+  // By the inscribed spheres alone, half of such tubes have three branches and more.
+  int parted = 0;
+  for (std::uint32_t seed = 1; seed <= 8; ++seed)
+    parted += extract_centrelines(pitted_tube(seed), "tube").tree.branches().size() > 1;
+  EXPECT_LE(parted, 1);
+}
+
+TEST(Centrelines, OfASmallBranchOnAWideVesselStay) {
+  // It reaches four voxels out of the wall.
+  const Mask vessel = mask_where({.size = {50, 40, 100}}, [](const glm::dvec3& p) {
+    return (p.z >= 8 && p.z <= 92 && std::hypot(p.x - 20, p.y - 20) < 10) ||
+           (p.x >= 20 && p.x < 36 && std::hypot(p.y - 20, p.z - 50) < 1.8);
+  });
+  EXPECT_EQ(extract_centrelines(vessel, "vessel").tree.branches().size(), 3U);
+}
+
+/// The centrelines of straight branches side by side.
+Centrelines comb(int branches, int loops) {
+  std::vector<VesselBranch> all{{{{{0, 0, 0}, 1}, {{0, 0, 9}, 1}}, -1, {}, {}}};
+  while (static_cast<int>(all.size()) < branches) {
+    const auto x = static_cast<double>(all.size());
+    all.push_back({{{{0, 0, 9}, 1}, {{x, 0, 20}, 1}}, 0, {}, {}});
+  }
+  return {VesselTree(std::move(all), "comb"), std::vector<int>(static_cast<std::size_t>(loops), 1), {}, 0};
+}
+
+TEST(PoorResults, NameTheFieldThatHelps) {
+  const VolumeGeometry fine{.size = {9, 9, 9}}, coarse{.size = {9, 9, 9}, .spacing_mm = {1, 1, 3}};
+  EXPECT_THAT(poor_results(comb(1, 0), fine, "scan"), testing::IsEmpty());
+  EXPECT_THAT(poor_results(comb(40, 3), coarse, "scan"), testing::IsEmpty());
+  EXPECT_THAT(poor_results(comb(1, 0), coarse, "scan"),
+              testing::ElementsAre(testing::HasSubstr("voxels of 3 mm show no thin vessels")));
+  EXPECT_THAT(poor_results(comb(201, 0), fine, "scan"),
+              testing::ElementsAre(testing::HasSubstr("found 201 branches and 0 loops")));
+  EXPECT_THAT(poor_results(comb(30, 21), fine, "scan"),
+              testing::ElementsAre(testing::HasSubstr("give `window_hu`, `seeds`, or `not_vessels`")));
 }
 
 TEST(Centrelines, OfAnisotropicVoxelsAreInMillimetres) {

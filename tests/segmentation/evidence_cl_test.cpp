@@ -11,6 +11,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -165,6 +166,42 @@ INSTANTIATE_TEST_SUITE_P(OfAll, ScaleOfAShortVessel,
                                          ShortVessel{128, 1.5, 40, 25, 13, 50, 400, -1000, 3000},
                                          ShortVessel{128, 3, 25, 11, 14, 50, 400, -1000, 3000}),
                          [](const auto& at) { return "Seed" + std::to_string(at.param.seed); });
+
+struct RoundVessel {
+  double radius, noise;
+};
+
+class RadiusOfAVessel : public testing::TestWithParam<RoundVessel> {};
+
+TEST_P(RadiusOfAVessel, IsThatOfItsLumenAtAnyAngle) {
+  ComputeDevice device;
+  Progress progress;
+  for (std::uint32_t seed = 31; seed < 34; ++seed) {
+    const auto [radius, noise] = GetParam();
+    const VesselScan scan = scan_of({64, radius, 100, noise, seed});
+    const VesselEvidence found =
+        vessel_evidence(scan.volume, measure_noise_hu(scan.volume), device, progress);
+    const Centrelines lines = extract_centrelines(found.vessels, "vessel", progress, {}, &found.fill);
+    const auto length = [](const VesselBranch& branch) { return branch.arc_length_mm.back(); };
+    const std::vector<VesselPoint>& points =
+        std::ranges::max_element(lines.tree.branches(), {}, length)->points;
+    double sum = 0;
+    std::size_t counted = 0;
+    for (std::size_t i = points.size() / 4; i < 3 * points.size() / 4; ++i)
+      sum += points[i].radius_mm, ++counted;
+    // Voxels are a millimetre wide.
+    EXPECT_NEAR(sum / static_cast<double>(counted), radius, 0.1) << seed;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(InNoise, RadiusOfAVessel,
+                         testing::Values(RoundVessel{1, 5}, RoundVessel{1, 25}, RoundVessel{1.5, 11},
+                                         RoundVessel{2, 25}, RoundVessel{3, 5}, RoundVessel{3, 25},
+                                         RoundVessel{4, 5}, RoundVessel{4, 25}),
+                         [](const auto& at) {
+                           return "Radius" + std::to_string(static_cast<int>(10 * at.param.radius)) +
+                                  "Noise" + std::to_string(static_cast<int>(at.param.noise));
+                         });
 
 /// A tube of a radius between voxels, with the share of each voxel at 7 x 7 points across it.
 Volume tube(double radius, double background_hu, double lumen_hu) {

@@ -30,7 +30,7 @@ ScanResponse::ScanResponse(const Volume& volume, double noise_hu)
                    *std::ranges::max_element(volume.hu())) {}
 
 ScanResponse::ScanResponse(double background_hu, double noise_hu, double lowest_hu, double highest_hu)
-    : noise_hu_(noise_hu), largest_hu_(highest_hu - background_hu) {
+    : noise_hu_(noise_hu), background_hu_(background_hu), largest_hu_(highest_hu - background_hu) {
   constexpr int kSteps = 2000;
   constexpr double kLeast = 1e-3;  // of the range; the response is almost sharp then
   const double spread_hu = std::max({noise_hu, kLeast * (highest_hu - lowest_hu), kLeast});

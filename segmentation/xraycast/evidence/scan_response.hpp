@@ -16,6 +16,7 @@ class ScanResponse {
   ScanResponse(double background_hu, double noise_hu, double lowest_hu, double highest_hu);
 
   double noise_hu() const { return noise_hu_; }
+  double background_hu() const { return background_hu_; }
 
   /// From the background to the scan's highest value.
   double largest_hu() const { return largest_hu_; }
@@ -24,7 +25,7 @@ class ScanResponse {
   double contrast_hu(double mean_hu) const;
 
  private:
-  double noise_hu_, largest_hu_, first_hu_ = 0, step_hu_ = 1;
+  double noise_hu_, background_hu_, largest_hu_, first_hu_ = 0, step_hu_ = 1;
   std::vector<double> means_hu_;  ///< of contrasts from `first_hu_` on, `step_hu_` apart; ascending
 };
 

@@ -8,6 +8,7 @@
 #include "xraycast/evidence/ridge_tracking.hpp"
 #include "xraycast/evidence/robust_statistics.hpp"
 #include "xraycast/evidence/scan_response.hpp"
+#include "xraycast/evidence/voxel_shares.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
 
@@ -183,39 +184,47 @@ Mask wide_vessels(const Mask& candidates, const Field& fractions) {
   return core.count() == 0 ? Mask(candidates.geometry) : near(core, kWideRadius_vox + kWall_vox);
 }
 
-/// Judges voxels by their fractions.
-class FractionJudge {
- public:
-  FractionJudge(const Mask& candidates, const Field& fractions, const LumenScale& scale)
-      : candidates_(candidates),
-        wide_(wide_vessels(candidates, fractions)),
-        fractions_(fractions),
-        least_(least_fraction(scale)),
-        certain_(certain_fraction(scale)) {}
+/// What is known of the lumen in the voxels of a box.
+struct LumenEstimate {
+  Field fractions;
+  Field evidence;         ///< of lumen: the fractions, or probabilities
+  double least, certain;  ///< evidence of a voxel of lumen, and of one that noise does not make
+  bool is_deblurred;      ///< so that vessels wider than four voxels' radius end where voxels are half full
+};
 
-  bool is_certain(std::size_t i) const { return fraction(i) >= certain_; }
+/// Judges voxels by the evidence of lumen in them.
+class LumenJudge {
+ public:
+  LumenJudge(const Mask& candidates, const LumenEstimate& estimate)
+      : candidates_(candidates),
+        wide_(estimate.is_deblurred ? wide_vessels(candidates, estimate.fractions)
+                                    : Mask(candidates.geometry)),
+        estimate_(estimate) {}
+
+  bool is_certain(std::size_t i) const { return evidence(i) >= estimate_.certain; }
 
   /// Whether a voxel of a skeleton holds almost as much as is needed.
   bool is_bright(std::size_t i) const {
     constexpr double kAlmost = 0.8;
-    return fraction(i) >= kAlmost * least_;
+    return evidence(i) >= kAlmost * estimate_.least;
   }
 
   /// Whether a voxel on a candidate or beside one holds enough. A neighbour of a half full one needs less, as
-  /// its fraction is less likely to be noise.
+  /// its evidence is less likely to be noise.
   bool is_lumen(std::size_t i) const {
     constexpr double kLess = 0.95, kMore = 1.05;
-    if (fraction(i) < kLess * least_) return false;
+    if (evidence(i) < kLess * estimate_.least) return false;
     const Index3 voxel = voxel_at(candidates_.geometry, static_cast<std::int64_t>(i));
     if (!is_by_a_candidate(i, voxel)) return false;
     if (wide_.voxels[i] != 0) return fraction(i) >= kHalf;
-    return fraction(i) >= (has_half_full_neighbour(voxel) ? kLess : kMore) * least_;
+    return evidence(i) >= (has_half_full_neighbour(voxel) ? kLess : kMore) * estimate_.least;
   }
 
  private:
   static constexpr double kHalf = 0.5;
 
-  double fraction(std::size_t i) const { return static_cast<double>(fractions_[i]); }
+  double fraction(std::size_t i) const { return static_cast<double>(estimate_.fractions[i]); }
+  double evidence(std::size_t i) const { return static_cast<double>(estimate_.evidence[i]); }
 
   bool has_half_full_neighbour(const Index3& voxel) const {
     return std::any_of(kNeighbours.begin(), kNeighbours.begin() + 6, [&](const Index3& step) {
@@ -231,19 +240,17 @@ class FractionJudge {
 
   const Mask& candidates_;
   Mask wide_;
-  const Field& fractions_;
-  double least_, certain_;
+  const LumenEstimate& estimate_;
 };
 
 /// The voxels beside candidates that hold enough lumen, but not those of pruned spurs unless they are
 /// certain; and the skeleton: what is bright of it, and of the rest what joins such parts.
-Mask lumen_mask(const PrunedSkeleton& skeleton, const Mask& candidates, const Field& fractions,
-                const LumenScale& scale) {
-  const FractionJudge judge(candidates, fractions, scale);
+Mask lumen_mask(const PrunedSkeleton& skeleton, const Mask& candidates, const LumenEstimate& estimate) {
+  const LumenJudge judge(candidates, estimate);
   const Field to_kept_mm = distance_to_foreground_mm(skeleton.kept),
               to_pruned_mm = distance_to_foreground_mm(skeleton.pruned);
   Mask vessels(candidates.geometry), faint(candidates.geometry);
-  for_each_index(fractions.size(), [&](std::size_t i) {
+  for_each_index(estimate.fractions.size(), [&](std::size_t i) {
     (judge.is_bright(i) ? vessels : faint).voxels[i] = skeleton.kept.voxels[i];
     if ((judge.is_certain(i) || to_pruned_mm[i] >= to_kept_mm[i]) && judge.is_lumen(i)) vessels.voxels[i] = 1;
   });
@@ -283,6 +290,35 @@ Field estimated_fractions(const Volume& volume, const ScanResponse& response, co
       cropped(smoothed_contrast(volume, response, smoothing, device), volume.geometry(), box), reach,
       scale.lumen_hu);
   return deblurred(fractions, std::hypot(smoothing, scale.blur_vox), steps, smooth);
+}
+
+/// The part of a scan in a box.
+Volume cropped(const Volume& volume, const Box& box) {
+  VolumeGeometry grid = volume.geometry();
+  grid.size = box.upper - box.lower;
+  Volume part(grid);
+  for_each_voxel({Index3(0), grid.size}, [&](const Index3& v) {
+    const Index3 there = v + box.lower;
+    part.at(v.x, v.y, v.z) = volume.at(there.x, there.y, there.z);
+  });
+  return part;
+}
+
+/// The lumen by each voxel's own value in sharp and quiet scans, and in those whose voxels are mostly full or
+/// empty: smoothing and deblurring would make voxels beside a vessel look partly full. Of thin vessels in
+/// more noise they tell more.
+LumenEstimate estimated_lumen(const Volume& volume, const ScanResponse& response, const LumenScale& scale,
+                              const Box& box, const Mask& reach, Smoother& smooth, ComputeDevice& device) {
+  constexpr double kSharp_vox = 0.3, kQuiet = 0.07, kFewPartial = 0.33, kSomePartial = 0.45;
+  constexpr double kLeast = 0.4;  // about as many voxels are wrong as are missing
+  const bool is_sharp_and_quiet = scale.blur_vox <= kSharp_vox && scale.noise() <= kQuiet;
+  VoxelShares shares = voxel_shares(cropped(volume, box), reach,
+                                    {scale.lumen_hu, response.noise_hu(), response.background_hu()});
+  if (shares.partial <= (is_sharp_and_quiet ? kSomePartial : kFewPartial))
+    return {std::move(shares.fraction), std::move(shares.probability), kLeast, kLeast, false};
+  Field fractions = estimated_fractions(volume, response, scale, box, reach, smooth, device);
+  Field evidence = fractions;
+  return {std::move(fractions), std::move(evidence), least_fraction(scale), certain_fraction(scale), true};
 }
 
 /// Writes the fractions of the vessels in a box.
@@ -354,11 +390,10 @@ VesselEvidence vessel_evidence(const Volume& volume, double noise_hu, ComputeDev
   Smoother smooth(device, part.geometry.size);
   const Field light = fractions_within(cropped(contrast, grid, box), reach, scale.lumen_hu);
   contrast = {};
-  Field fractions = estimated_fractions(volume, response, scale, box, reach, smooth, device);
+  LumenEstimate estimate = estimated_lumen(volume, response, scale, box, reach, smooth, device);
   progress.advance();
-  const Mask vessels =
-      lumen_mask({crop(skeleton.kept, box), crop(skeleton.pruned, box)}, part, fractions, scale);
-  fractions = conserved(std::move(fractions), vessels, light, smooth);
+  const Mask vessels = lumen_mask({crop(skeleton.kept, box), crop(skeleton.pruned, box)}, part, estimate);
+  const Field fractions = conserved(std::move(estimate.fractions), vessels, light, smooth);
   paste(vessels, box, found.vessels);
   set_fractions(fractions, vessels, box, found.fill);
   progress.advance();

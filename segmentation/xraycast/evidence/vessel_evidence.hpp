@@ -16,12 +16,14 @@ struct VesselEvidence {
 
 /// Finds vessels by one measure in all noise: the fraction of lumen in a voxel. The scan's blur and the
 /// lumen's contrast are measured on the vessels themselves (lumen_scale). Ridges that rise above the noise
-/// and above kLeastRidge of the lumen's contrast, and what is half full, are candidates. The scan, smoothed
-/// the more the more noise there is, is deblurred within 3.5 voxels of them (Richardson 1972, Lucy 1974);
-/// voxels beside a candidate are in the mask when their fraction exceeds `least_fraction`, in vessels whose
-/// radius exceeds four voxels when it exceeds one half. `noise_hu` is the noise's standard deviation; where
-/// the background varies less than that, what the background shows counts. Two stages of `progress`. Throws
-/// InputError where a block has too many voxels, Error without memory, DeviceError.
+/// and above kLeastRidge of the lumen's contrast, and what is half full, are candidates. In sharp and quiet
+/// scans, and in those whose voxels are mostly full or empty, voxels beside a candidate are in the mask when
+/// by their own values (voxel_shares) they probably hold lumen. Else the scan, smoothed the more the more
+/// noise there is, is deblurred within 3.5 voxels of candidates (Richardson 1972, Lucy 1974); voxels beside
+/// one are in the mask when their fraction exceeds `least_fraction`, in vessels whose radius exceeds four
+/// voxels when it exceeds one half. `noise_hu` is the noise's standard deviation; where the background varies
+/// less than that, what the background shows counts. Two stages of `progress`. Throws InputError where a
+/// block has too many voxels, Error without memory, DeviceError.
 VesselEvidence vessel_evidence(const Volume& volume, double noise_hu, ComputeDevice& device,
                                Progress& progress);
 

@@ -5,6 +5,7 @@
 #include "xraycast/mask/skeleton_graph.hpp"
 #include "xraycast/mask/thinning.hpp"
 #include "xraycast/segmentation/fill_radii.hpp"
+#include "xraycast/segmentation/inner_leaves.hpp"
 #include "xraycast/segmentation/lumen.hpp"
 #include "xraycast/segmentation/skeleton_pruning.hpp"
 
@@ -142,22 +143,29 @@ void clamp_radius_near_parent(std::vector<VesselPoint>& points, double node_radi
     points[i].radius_mm = std::min(points[i].radius_mm, points[outside].radius_mm);
 }
 
-/// Centres the edges of a pruned graph, and traverses it from the root so that every branch runs from its
-/// parent's side onwards.
+double step_mm(const Lumen& lumen) { return 0.75 * lumen.voxel_mm(); }
+
+/// The centrelines of a graph's edges.
+std::vector<std::vector<VesselPoint>> centrelines_of(const SkeletonGraph& graph, const Lumen& lumen,
+                                                     Progress& progress) {
+  std::vector<std::vector<VesselPoint>> lines(graph.edges.size());
+  progress.begin("centrelines", static_cast<std::int64_t>(graph.edges.size()), "branches");
+  parallel_for(static_cast<std::int64_t>(graph.edges.size()), [&](std::int64_t e) {
+    const SkeletonGraph::Edge& edge = graph.edges[static_cast<std::size_t>(e)];
+    const auto is_free = [&](int n) { return graph.nodes[static_cast<std::size_t>(n)].edges.size() == 1; };
+    const FreeEnds free{is_free(edge.nodes[0]), is_free(edge.nodes[1])};
+    const double step = step_mm(lumen);
+    lines[static_cast<std::size_t>(e)] = with_radii(centred(edge.points_mm, free, lumen, step), lumen, step);
+    progress.advance();
+  });
+  return lines;
+}
+
+/// Traverses a pruned graph from the root so that every branch runs from its parent's side onwards.
 class TreeBuilder {
  public:
-  TreeBuilder(const SkeletonGraph& graph, const Lumen& lumen, Progress& progress)
-      : graph_(graph), lumen_(lumen), lines_(graph.edges.size()) {
-    progress.begin("centrelines", static_cast<std::int64_t>(graph.edges.size()), "branches");
-    parallel_for(static_cast<std::int64_t>(graph.edges.size()), [&](std::int64_t e) {
-      const SkeletonGraph::Edge& edge = graph.edges[static_cast<std::size_t>(e)];
-      const auto is_free = [&](int n) { return graph.nodes[static_cast<std::size_t>(n)].edges.size() == 1; };
-      const FreeEnds free{is_free(edge.nodes[0]), is_free(edge.nodes[1])};
-      lines_[static_cast<std::size_t>(e)] =
-          with_radii(centred(edge.points_mm, free, lumen, step_mm()), lumen, step_mm());
-      progress.advance();
-    });
-  }
+  TreeBuilder(const SkeletonGraph& graph, std::vector<std::vector<VesselPoint>> lines)
+      : graph_(graph), lines_(std::move(lines)) {}
 
   Centrelines build(const std::optional<glm::dvec3>& root_mm, const LumenFill* fill,
                     const std::string& name) {
@@ -172,8 +180,6 @@ class TreeBuilder {
   }
 
  private:
-  double step_mm() const { return 0.75 * lumen_.voxel_mm(); }
-
   struct FreeEnd {
     glm::dvec3 position_mm;
     double radius_mm;  ///< somewhat away from the end, which may be cut obliquely
@@ -232,7 +238,6 @@ class TreeBuilder {
   }
 
   const SkeletonGraph& graph_;
-  const Lumen& lumen_;
   std::vector<std::vector<VesselPoint>> lines_;
   std::vector<VesselBranch> branches_;
   std::vector<int> loops_;
@@ -285,10 +290,19 @@ Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progr
   // A mask of all voxels that lumen touches is made along ridges, and has fewer spurs than one of a
   // threshold.
   const double spur_vox = fill != nullptr && fill->is_of_touched_voxels ? 1 : 2;
-  const SkeletonGraph graph = prune(linked_graph(std::move(skeleton), found.links), lumen, spur_vox);
+  SkeletonGraph graph = prune(linked_graph(std::move(skeleton), found.links), lumen, spur_vox);
   if (graph.edges.empty())
     throw InputError("{}: no vessel: no structure in the mask is longer than it is wide", name);
-  Centrelines centrelines = TreeBuilder(graph, lumen, progress).build(root_mm, fill, name);
+  std::vector<std::vector<VesselPoint>> lines = centrelines_of(graph, lumen, progress);
+  constexpr double kWide_vox = 3;  // of thinner vessels noise takes all or nothing
+  while (given == nullptr) {
+    const std::vector<int> leaves =
+        inner_leaves(graph, lines, spur_vox * lumen.coarsest_mm(), kWide_vox * lumen.coarsest_mm());
+    if (leaves.empty()) break;
+    graph = without_leaves(std::move(graph), leaves, lumen);
+    lines = centrelines_of(graph, lumen, progress);
+  }
+  Centrelines centrelines = TreeBuilder(graph, std::move(lines)).build(root_mm, fill, name);
   if (root_mm) check_root(centrelines.tree, *root_mm);
   for (const ComponentLink& link : found.links) centrelines.gaps_mm.push_back(link.length_mm);
   centrelines.parts_left_out = found.left_out;

@@ -23,12 +23,13 @@ struct Centrelines {
 
 /// Extracts the centrelines of a vessel mask: topology-preserving thinning, the skeleton's graph, its pruning
 /// to a forest (cycles opened at their thinnest edge, spurs within their parent's lumen removed), lines moved
-/// to the centroids of their cross-sections and smoothed. The radius is that of the cross-section, bounded by
-/// the distance transform; within its parent's lumen a branch keeps the radius that it has outside. Points
-/// are at most one voxel apart. Where the `fill` is given, thin vessels have the radii of circles as large as
-/// their lumen (radii_from_fill). Where the `lumen` is known better than by the mask's voxels, lines and
-/// radii follow it. The root is the free end nearest to `root_mm`; without it the thickest free end of an
-/// elongated vessel, which excludes the dome of an aneurysm.
+/// to the centroids of their cross-sections and smoothed, ends within these cross-sections removed
+/// (inner_leaves). The radius is that of the cross-section, bounded by the distance transform; within its
+/// parent's lumen a branch keeps the radius that it has outside. Points are at most one voxel apart. Where
+/// the `fill` is given, thin vessels have the radii of circles as large as their lumen (radii_from_fill).
+/// Where the `lumen` is known better than by the mask's voxels, lines and radii follow it. The root is the
+/// free end nearest to `root_mm`; without it the thickest free end of an elongated vessel, which excludes the
+/// dome of an aneurysm.
 ///
 /// Throws InputError, with `name` in front, when no structure in the mask is longer than it is wide,
 /// and for a root farther than 50 mm from all free ends. Thinning

@@ -48,9 +48,9 @@ void add_partial_volume_rim(const Mask& bright, Mask& vessels) {
 }
 
 void add_half_filled_rim(const Volume& scan, const Mask& excluded, Mask& vessels) {
-  // A seed's tolerance ends 0.8 of the way up an edge that is as blurred as smoothed_for_seeds leaves it:
-  // less than 1.5 mm within the middle of the edge.
-  constexpr double kWidth_mm = 1.5;
+  // A seed's tolerance ends 0.8 of the way up an edge: 1.5 mm within its middle as smoothed_for_seeds leaves
+  // it, and 2.2 mm where the scan has a blur of a millimetre besides.
+  constexpr double kWidth_mm = 2.2;
   const glm::dvec3& s = vessels.geometry.spacing_mm;
   grow(vessels, steps_of(kWidth_mm, std::min({s.x, s.y, s.z})), [&](const Mask& before, const Index3& here) {
     return excluded[here] == 0 && is_half_filled(scan, before, here);

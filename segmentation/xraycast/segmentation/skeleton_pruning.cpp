@@ -26,6 +26,19 @@ class SkeletonPruner {
     return remaining();
   }
 
+  SkeletonGraph without(const std::vector<int>& leaves) {
+    for (const int leaf : leaves) {
+      const auto nodes = edge(leaf).nodes;
+      remove(leaf);
+      for (const int n : nodes) {
+        // A loop that a leaf within the lumen closed only surrounded a hole.
+        for (const int e : node(n).edges) edge(e).closes_loop = false;
+        dissolve(n);
+      }
+    }
+    return remaining();
+  }
+
  private:
   SkeletonGraph::Edge& edge(int e) { return graph_.edges[static_cast<std::size_t>(e)]; }
   SkeletonGraph::Node& node(int n) { return graph_.nodes[static_cast<std::size_t>(n)]; }
@@ -179,6 +192,10 @@ class SkeletonPruner {
 
 SkeletonGraph prune(SkeletonGraph graph, const Lumen& lumen, double spur_vox) {
   return SkeletonPruner(std::move(graph), lumen, spur_vox).run();
+}
+
+SkeletonGraph without_leaves(SkeletonGraph graph, const std::vector<int>& leaves, const Lumen& lumen) {
+  return SkeletonPruner(std::move(graph), lumen, 0).without(leaves);
 }
 
 }  // namespace xraycast

@@ -3,6 +3,8 @@
 #include "xraycast/mask/skeleton_graph.hpp"
 #include "xraycast/segmentation/lumen.hpp"
 
+#include <vector>
+
 namespace xraycast {
 
 /// The forest of centrelines in a skeleton's graph:
@@ -14,5 +16,9 @@ namespace xraycast {
 ///   their origin, are removed, the shortest first: so much voxels cannot tell;
 /// - bifurcations within half a radius of each other are merged into one with more than two branches.
 SkeletonGraph prune(SkeletonGraph graph, const Lumen& lumen, double spur_vox = 2);
+
+/// A graph without leaves that lie within another lumen; what forked where they left is one edge now, and
+/// closes no loop.
+SkeletonGraph without_leaves(SkeletonGraph graph, const std::vector<int>& leaves, const Lumen& lumen);
 
 }  // namespace xraycast

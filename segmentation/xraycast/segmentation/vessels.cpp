@@ -9,6 +9,7 @@
 #include "xraycast/mask/components.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/contrast.hpp"
+#include "xraycast/segmentation/poor_results.hpp"
 #include "xraycast/segmentation/surface.hpp"
 #include "xraycast/segmentation/vessel_selection.hpp"
 #include "xraycast/series/seg_file.hpp"
@@ -19,6 +20,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 
 namespace xraycast {
@@ -150,6 +152,7 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
                                : segment_vessels(volume, request, name, device, progress, &log);
   if (has_mask) log.noise_hu = measure_noise_hu(volume);
   Centrelines centrelines = extract_centrelines(mask, name, progress, request.root_mm, &fill);
+  std::ranges::move(poor_results(centrelines, volume.geometry(), name), std::back_inserter(notes));
   centrelines.tree = with_artery_names(centrelines.tree);
   const VesselTree& tree = centrelines.tree;
   progress.begin("surface", 1, "surfaces");

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "xraycast/segmentation/centreline.hpp"
+
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// What about a tree is unlike vessels, a line each with the field of SegmentRequest that helps: one branch
+/// of a scan whose voxels are 3 mm and more, hundreds of branches, and dozens of loops. `grid` is the scan's,
+/// `name` its name.
+std::vector<std::string> poor_results(const Centrelines& centrelines, const VolumeGeometry& grid,
+                                      const std::string& name);
+
+}  // namespace xraycast
