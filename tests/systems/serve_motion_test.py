@@ -187,7 +187,7 @@ class ServeInMotion(unittest.TestCase):
 
     def test_passes_over_what_a_body_cannot_do(self):
         server, client = self.serve()
-        for text, why in (("hold cough", "no mode cough"), ("dance", "must be 'hold MODE'"), ("gate heart 2", "must be 0 to 1")):
+        for text, why in (("hold cough", "cough: the body has no such mode"), ("dance", "must be 'hold MODE'"), ("gate heart 2", "must be 0 to 1")):
             client.body(text)
             server.wait_for("the body goes on as it did")
             server.wait_for(why)
