@@ -31,13 +31,13 @@ struct ExportArguments {
 
 /// Rejects options that have no effect.
 void check_applies(const ExportArguments& options, ExportFormat format) {
-  if (format == ExportFormat::gltf)
+  if (format == ExportFormat::gltf) {
     check_not_given(*options.command, {"--precision", "--keys", "--gate", "--motion-speed"},
                     fmt::format("to {}, which holds no map; leave it out or write a .html", options.output));
-  if (format == ExportFormat::gltf)
     check_not_given(
         *options.command, {"--live", "--devices"},
         fmt::format("to {}, which steers nothing; leave it out or write a .html", options.output));
+  }
   if (options.is_live)
     check_not_given(*options.command, {"--gate", "--motion-speed", "--keys"},
                     "with --live, whose body stands still; leave it out");
@@ -100,14 +100,11 @@ void export_session(const ExportArguments& options, Invocation& invocation) {
   check_applies(options, format);
   ViewSession scene = resolve_scene(options.session, options.map, options.scene);
   const std::string& script = options.run.script;
-  if (!script.empty()) {
-    if (scene.vessels.empty())
-      throw InputError("--script {}: there are no vessels to steer in; give --vessels too", script);
-    scene.steered.reset();  // the run's instruments are shown instead
-  }
+  if (!script.empty() && scene.vessels.empty())
+    throw InputError("--script {}: there are no vessels to steer in; give --vessels too", script);
   if (options.is_live && scene.vessels.empty())
     throw InputError("--live: there are no vessels to steer in; give --vessels too");
-  if (options.is_live) scene.steered.reset();
+  if (!script.empty() || options.is_live) scene.steered.reset();  // the run's instruments are shown instead
   std::shared_ptr<const BodyMap> map = load_map(scene, invocation.device);
   if (!options.keys.empty() && !map->keys)
     throw InputError("--keys: {} stands still; leave it out", scene.map.string());
@@ -120,19 +117,14 @@ void export_session(const ExportArguments& options, Invocation& invocation) {
   if (!options.title.empty()) request.title = options.title;
   request.precision = parse_map_precision(options.precision);
   request.is_of_session = !options.session.empty();
-  if (script.empty() && !options.is_live) invocation.say(check(request));
   if (!script.empty()) {
     check(request);
-
     const RunRequest run = run_request(options, request, scene);
     invocation.say(check(run));
     request.run = recorded_run(run, invocation.progress);
-    if (!options.is_live) invocation.say(check(request));
   }
-  if (options.is_live) {
-    add_trainer(options, scene, request, invocation);
-    invocation.say(check(request));
-  }
+  if (options.is_live) add_trainer(options, scene, request, invocation);
+  invocation.say(check(request));
   if (format == ExportFormat::page) request.still_png = still_png(request);
   const std::string bytes = export_bytes(request);
   write_whole_file(options.output, bytes);

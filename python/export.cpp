@@ -137,7 +137,8 @@ void add_export(nb::module_& module) {
       "keys: dict[str, int] | None = None, "
       "live: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
       "devices: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
-      "entry: int | numpy.typing.ArrayLike | None = None, progress: xraycast._progress.Listener | None = "
+      "entry: int | str | numpy.typing.ArrayLike | None = None, progress: xraycast._progress.Listener | None "
+      "= "
       "None) "
       "-> None",
       usual.title, kUsualContrast_mg_ml);

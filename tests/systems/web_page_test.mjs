@@ -2,21 +2,15 @@
 // The program and the folder web/ are named by the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { existsSync, mkdtempSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
-import { tmpdir } from "node:os";
+import { existsSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { pathToFileURL } from "node:url";
 import { browser_test, chromium, end_chromium, kMesa, launch_chromium, puppeteer, require_of_web, start_chromium } from "./chromium.mjs";
+import { PNG, file, folder, program, remove_folder, run, wait } from "./web_folder.mjs";
 
-const { XRAYCAST_WEB_TEST: program, XRAYCAST_WEB: web } = process.env;
-const { PNG } = require_of_web("pngjs");
+const { XRAYCAST_WEB: web } = process.env;
 const gltf_validator = require_of_web("gltf-validator");
-
-const folder = mkdtempSync(join(tmpdir(), "xraycast-web-"));
-const file = (name) => join(folder, name);
-const run = (...words) => execFileSync(program, words.map(String), { encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
-const wait = (ms) => new Promise((done) => setTimeout(done, ms));
 
 const kPair = ["--device-model", "cobra-5f", "--device-model", "guidewire-035-j"];
 
@@ -42,7 +36,7 @@ before(async () => {
 
 after(async () => {
   await end_chromium();
-  rmSync(folder, { recursive: true });
+  remove_folder();
 });
 
 const address = (name, hash) => `${pathToFileURL(file(name))}#${hash}`;

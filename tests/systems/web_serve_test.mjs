@@ -1,23 +1,17 @@
 // A live session of `xraycast serve --web` in Debian's Chromium, and in Firefox. The program and the folder web/ are named by
 // the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
 import assert from "node:assert/strict";
-import { execFileSync, spawn } from "node:child_process";
+import { spawn } from "node:child_process";
 import { once } from "node:events";
-import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { existsSync, readFileSync } from "node:fs";
 import { createServer as create_http } from "node:http";
 import { connect, createServer } from "node:net";
-import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { browser_test, chromium, end_chromium, kMesa, puppeteer, require_of_web, start_chromium } from "./chromium.mjs";
+import { browser_test, chromium, end_chromium, kMesa, puppeteer, start_chromium } from "./chromium.mjs";
+import { PNG, file, program, remove_folder, run, wait } from "./web_folder.mjs";
 
-const { XRAYCAST_WEB_TEST: program, XRAYCAST_WEB: web } = process.env;
-const { PNG } = require_of_web("pngjs");
-
-const folder = mkdtempSync(join(tmpdir(), "xraycast-web-"));
-const file = (name) => join(folder, name);
-const run = (...words) => execFileSync(program, words.map(String), { stdio: "ignore" });
-const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+const { XRAYCAST_WEB: web } = process.env;
 
 before(async () => {
   run("phantom", "thorax", "--size", "96x96x120", "-o", file("thorax.nrrd"), "--truth", file("truth"));
@@ -30,7 +24,7 @@ before(async () => {
 after(async () => {
   await end_chromium();
   for (const server of servers) server.kill("SIGKILL"); // of tests that failed
-  rmSync(folder, { recursive: true });
+  remove_folder();
 });
 
 const servers = new Set();

@@ -2,20 +2,15 @@
 // named by the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { existsSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
-import { tmpdir } from "node:os";
+import { existsSync, readFileSync, statSync, writeFileSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { after, before, test } from "node:test";
 import { pathToFileURL } from "node:url";
 import { browser_test, chromium, end_chromium, kMesa, puppeteer, require_of_web, start_chromium } from "./chromium.mjs";
+import { PNG, file, program, remove_folder, run, wait } from "./web_folder.mjs";
 
-const { XRAYCAST_WEB_TEST: program, XRAYCAST_WEB: web } = process.env;
-const { PNG } = require_of_web("pngjs"), { buildSync } = require_of_web("esbuild");
-
-const folder = mkdtempSync(join(tmpdir(), "xraycast-web-"));
-const file = (name) => join(folder, name);
-const run = (...words) => execFileSync(program, words.map(String), { stdio: "ignore" });
-const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+const { XRAYCAST_WEB: web } = process.env;
+const { buildSync } = require_of_web("esbuild");
 
 before(async () => {
   run("phantom", "thorax", "--size", "96x96x120", "-o", file("thorax.nrrd"), "--truth", file("truth"));
@@ -29,7 +24,7 @@ before(async () => {
 
 after(async () => {
   await end_chromium();
-  rmSync(folder, { recursive: true });
+  remove_folder();
 });
 
 async function open(name, { width = 900, height = 760, browser = chromium(), touch = false, first = () => {}, hash = "" } = {}) {

@@ -1,11 +1,13 @@
 #pragma once
 
 #include "xraycast/projection/view.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <glm/mat3x3.hpp>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
+#include <array>
 #include <string>
 
 namespace xraycast {
@@ -34,6 +36,9 @@ PinholeCamera camera_of(const View& view);
 /// The camera of a picture of `size` whose pixels are means over `factor` x `factor` pixels, from pixel
 /// `first` on.
 PinholeCamera of_means(PinholeCamera camera, glm::ivec2 first, int factor, glm::ivec2 size);
+
+/// Where the corners of a scan's outer faces are before a camera, in mm: c of PinholeCamera.
+std::array<glm::dvec3, 8> corners_before(const PinholeCamera& camera, const VolumeGeometry& scan);
 
 /// Throws InputError, with `name` in front, when a number is not finite, the intrinsics' last row is not
 /// (0, 0, 1), the focal length is 0, the rotation is invalid, or a picture's side is outside 1 to 16384.

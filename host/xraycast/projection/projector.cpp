@@ -58,12 +58,8 @@ XrcDetector detector_of(const View& view, const VolumeGeometry& volume,
 /// How far along the camera's z the scan extends.
 double farthest_mm(const PinholeCamera& camera, const VolumeGeometry& volume) {
   double farthest = 0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 at(corner & 1 ? volume.upper_mm().x : volume.lower_mm().x,
-                        corner & 2 ? volume.upper_mm().y : volume.lower_mm().y,
-                        corner & 4 ? volume.upper_mm().z : volume.lower_mm().z);
-    farthest = std::max(farthest, (camera.rotation * at + camera.translation_mm).z);
-  }
+  for (const glm::dvec3& corner_mm : corners_before(camera, volume))
+    farthest = std::max(farthest, corner_mm.z);
   if (!(farthest > 0))
     throw InputError(
         "RT: the whole scan lies behind the camera; RT must map the patient's mm to the camera's, "

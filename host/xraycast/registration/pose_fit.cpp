@@ -74,11 +74,7 @@ PictureBox shown_box(const ViewLevel& view, const PinholeCamera& camera, const V
   constexpr double kBeside = 8, kLeast_mm = 1;
   constexpr int kSmallest = 16;
   glm::dvec2 low(1e6), high(-1e6);
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 at(corner & 1 ? scan.upper_mm().x : scan.lower_mm().x,
-                        corner & 2 ? scan.upper_mm().y : scan.lower_mm().y,
-                        corner & 4 ? scan.upper_mm().z : scan.lower_mm().z);
-    const glm::dvec3 seen = camera.rotation * at + camera.translation_mm;
+  for (const glm::dvec3& seen : corners_before(camera, scan)) {
     if (!(seen.z > kLeast_mm)) return {0, 0, view.camera.width, view.camera.height};
     const glm::dvec2 pixel(camera.intrinsics * (seen / seen.z));
     low = glm::min(low, pixel);

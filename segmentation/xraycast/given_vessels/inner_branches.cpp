@@ -1,25 +1,17 @@
 #include "xraycast/given_vessels/inner_branches.hpp"
 
-#include <glm/common.hpp>
-#include <glm/geometric.hpp>
+#include "xraycast/segmentation/place_in_tube.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 
 namespace xraycast {
 namespace {
 
-/// Whether a point lies in the lumen of a branch, the radius being linear between its points.
+/// Whether a point lies in the lumen of a branch.
 bool is_inside(const glm::dvec3& point_mm, const VesselBranch& branch) {
-  for (std::size_t i = 1; i < branch.points.size(); ++i) {
-    const VesselPoint &a = branch.points[i - 1], &b = branch.points[i];
-    const glm::dvec3 along = b.position_mm - a.position_mm;
-    const double t = glm::clamp(glm::dot(point_mm - a.position_mm, along) / glm::dot(along, along), 0.0, 1.0);
-    if (glm::distance(point_mm, glm::mix(a.position_mm, b.position_mm, t)) <
-        std::lerp(a.radius_mm, b.radius_mm, t))
-      return true;
-  }
+  for (std::size_t i = 1; i < branch.points.size(); ++i)
+    if (place_in_tube(point_mm, branch.points[i - 1], branch.points[i]).out_mm() < 0) return true;
   return false;
 }
 

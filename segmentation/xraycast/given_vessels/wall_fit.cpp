@@ -2,6 +2,7 @@
 
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/geometry/segment_index.hpp"
+#include "xraycast/segmentation/place_in_tube.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -100,18 +101,8 @@ class WallFit {
 
   // ---- which tube a point of the wall belongs to --------------------------------------------------------
 
-  struct Nearness {
-    double fraction;
-    glm::dvec3 from_axis;
-    double radius_mm;
-    double gap_mm() const { return glm::length(from_axis) - radius_mm; }
-  };
-
-  Nearness nearness(const glm::dvec3& point_mm, std::size_t branch, std::size_t segment) const {
-    const VesselPoint &a = points(branch)[segment], &b = points(branch)[segment + 1];
-    const glm::dvec3 along = b.position_mm - a.position_mm;
-    const double t = glm::clamp(glm::dot(point_mm - a.position_mm, along) / glm::dot(along, along), 0.0, 1.0);
-    return {t, point_mm - glm::mix(a.position_mm, b.position_mm, t), std::lerp(a.radius_mm, b.radius_mm, t)};
+  PlaceInTube nearness(const glm::dvec3& point_mm, std::size_t branch, std::size_t segment) const {
+    return place_in_tube(point_mm, points(branch)[segment], points(branch)[segment + 1]);
   }
 
   /// A branch's lines, and the box around its tube.
@@ -164,7 +155,7 @@ class WallFit {
   void follow(Touch& touch, const glm::dvec3& point_mm) const {
     const auto branch = static_cast<std::size_t>(touch.branch);
     const auto distance = [&](std::size_t segment) {
-      return glm::length(nearness(point_mm, branch, segment).from_axis);
+      return glm::length(nearness(point_mm, branch, segment).from_axis_mm);
     };
     const std::size_t last = points(branch).size() - 2;
     for (double here = distance(touch.segment);;) {
@@ -194,12 +185,12 @@ class WallFit {
       const auto& [branch, segment] = touches_[i];
       if (branch < 0) continue;
       const auto b = static_cast<std::size_t>(branch);
-      const Nearness near = nearness(wall_mm_[i], b, segment);
+      const PlaceInTube near = nearness(wall_mm_[i], b, segment);
       if (is_beyond_end(b, segment, near.fraction)) continue;
-      const double away_mm = glm::length(near.from_axis), gap_mm = away_mm - near.radius_mm;
+      const double away_mm = glm::length(near.from_axis_mm), gap_mm = away_mm - near.radius_mm;
       constexpr double kFarthest = 0.4;  // in radii: what lies farther away is no tube's wall
       if (!(away_mm > 0) || std::abs(gap_mm) > kFarthest * near.radius_mm) continue;
-      const glm::dvec3 n = near.from_axis / away_mm;
+      const glm::dvec3 n = near.from_axis_mm / away_mm;
       equations_[b][segment].add(n, gap_mm, 1 - near.fraction);
       equations_[b][segment + 1].add(n, gap_mm, near.fraction);
     }
@@ -313,12 +304,12 @@ class WallFit {
                   std::vector<std::array<EndGap, 2>>& gaps) const {
     constexpr double kLeastCosine = 0.8;
     const auto b = static_cast<std::size_t>(touch.branch);
-    const Nearness near = nearness(point_mm, b, touch.segment);
+    const PlaceInTube near = nearness(point_mm, b, touch.segment);
     if (!is_beyond_end(b, touch.segment, near.fraction)) return;
     const bool is_last = near.fraction >= 1;
     const std::size_t end = is_last ? points(b).size() - 1 : 0;
-    const double along_mm = glm::dot(near.from_axis, (is_last ? 1.0 : -1.0) * direction(b, end)),
-                 away_mm = glm::length(near.from_axis);
+    const double along_mm = glm::dot(near.from_axis_mm, (is_last ? 1.0 : -1.0) * direction(b, end)),
+                 away_mm = glm::length(near.from_axis_mm);
     if (!(along_mm > kLeastCosine * away_mm)) return;
     EndGap& gap = gaps[b][is_last ? 1 : 0];
     gap.sum_mm += (away_mm - near.radius_mm) * away_mm / along_mm;

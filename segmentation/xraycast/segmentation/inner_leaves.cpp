@@ -1,10 +1,8 @@
 #include "xraycast/segmentation/inner_leaves.hpp"
 
-#include <glm/common.hpp>
-#include <glm/geometric.hpp>
+#include "xraycast/segmentation/place_in_tube.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <limits>
 #include <map>
@@ -12,19 +10,13 @@
 namespace xraycast {
 namespace {
 
-/// How far a point lies out of a line's lumen where that is wide, the radius being linear between its points;
-/// negative within.
+/// How far a point lies out of a line's lumen where that is wide; negative within.
 double out_of_lumen_mm(const glm::dvec3& point_mm, const std::vector<VesselPoint>& line, double wide_mm) {
   double least_mm = std::numeric_limits<double>::infinity();
   for (std::size_t i = 1; i < line.size(); ++i) {
     const VesselPoint &a = line[i - 1], &b = line[i];
-    if (std::max(a.radius_mm, b.radius_mm) < wide_mm) continue;
-    const glm::dvec3 along = b.position_mm - a.position_mm;
-    const double length2 = glm::dot(along, along),
-                 t = length2 > 0 ? glm::clamp(glm::dot(point_mm - a.position_mm, along) / length2, 0.0, 1.0)
-                                 : 0;
-    least_mm = std::min(least_mm, glm::distance(point_mm, glm::mix(a.position_mm, b.position_mm, t)) -
-                                      std::lerp(a.radius_mm, b.radius_mm, t));
+    if (std::max(a.radius_mm, b.radius_mm) >= wide_mm)
+      least_mm = std::min(least_mm, place_in_tube(point_mm, a, b).out_mm());
   }
   return least_mm;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/geometry/mesh.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/segment.hpp"
@@ -36,7 +37,7 @@ inline constexpr const char* kVesselSegFile = "mask.seg.dcm";
 
 /// The files of write_vessels.
 inline constexpr std::array kVesselFiles{"mask.nrrd", "lumen.nrrd", kVesselSegFile, "tree.vtp",
-                                         "tree.json", "names.json", "surface.vtp",  "surface.stl"};
+                                         "tree.json", kNamesFile,   "surface.vtp",  "surface.stl"};
 
 /// Writes vessels into a folder, which is made unless it exists: all files or none, because a mask beside
 /// another scan's tree would be misleading; vessels without a scan have no masks. `mask.seg.dcm` is a DICOM

@@ -249,10 +249,9 @@ class ArteryNaming {
         upwards.push_back(side);
     if (upwards.size() != 3) return false;
     const Extent first = extent_of(graph_, upwards[0].way), last = extent_of(graph_, upwards[2].way);
-    const bool goes_right =
-        first.low_mm.x<upwards[0].from_mm.x - kLeastAside_mm, goes_left = last.high_mm.x> upwards[2]
-            .from_mm.x +
-        kLeastAside_mm;
+    const double right_mm = upwards[0].from_mm.x - first.low_mm.x,
+                 left_mm = last.high_mm.x - upwards[2].from_mm.x;
+    const bool goes_right = right_mm > kLeastAside_mm, goes_left = left_mm > kLeastAside_mm;
     if (!goes_right || !goes_left) return false;
     name(vessel_from(upwards[1].way), "left common carotid artery");
     name(vessel_from(upwards[2].way), "left subclavian artery");

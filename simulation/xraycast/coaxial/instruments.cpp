@@ -64,6 +64,12 @@ std::shared_ptr<const LumenDistanceField> lumen_with_introducer(const VesselTree
 
 double max_insertion_mm(const InstrumentModel& model) { return model.length_mm() - kIntroducer_mm; }
 
+std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models) {
+  std::vector<double> insertions_mm;
+  for (const InstrumentModel& model : models) insertions_mm.push_back(max_insertion_mm(model));
+  return insertions_mm;
+}
+
 void check_instruments(const std::vector<InstrumentModel>& instruments) {
   if (instruments.empty() || instruments.size() > Instruments::kMaxCount)
     throw InputError("{} instruments; give one to {}, the outermost first", instruments.size(),

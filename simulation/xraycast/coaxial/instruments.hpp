@@ -21,6 +21,7 @@ namespace xraycast {
 
 /// How far an instrument can be inserted: its length beyond the introducer.
 double max_insertion_mm(const InstrumentModel& model);
+std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models);
 
 /// The location of a catheter's tip.
 struct InstrumentTip {

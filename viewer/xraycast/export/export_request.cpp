@@ -115,6 +115,15 @@ ExportRequest request_of(const ViewSession& session, std::shared_ptr<const BodyM
   return request;
 }
 
+LiveRun live_run_of(const RunRequest& run, const std::string& vessels_name) {
+  const ContrastSurface contrast(*run.tree);
+  if (const std::size_t triangles = contrast.drums() * ContrastSurface::kDrumTriangles;
+      triangles > kMostWebTriangles)
+    throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
+                     vessels_name, triangles, kMostWebTriangles);
+  return {.instruments = run.instruments, .contrast = contrast.whole()};
+}
+
 }  // namespace
 
 ExportFormat export_format(const std::string& file) {
@@ -178,19 +187,6 @@ ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const
   request.shows_road_map = session.steered && session.steered->has_road_map;
   return request;
 }
-
-namespace {
-
-LiveRun live_run_of(const RunRequest& run, const std::string& vessels_name) {
-  const ContrastSurface contrast(*run.tree);
-  if (const std::size_t triangles = contrast.drums() * ContrastSurface::kDrumTriangles;
-      triangles > kMostWebTriangles)
-    throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
-                     vessels_name, triangles, kMostWebTriangles);
-  return {.instruments = run.instruments, .contrast = contrast.whole()};
-}
-
-}  // namespace
 
 void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others) {
   TrainerSetup setup{.tree = run.tree, .choices = run.instruments, .used = {}, .entry = entry_of(run)};

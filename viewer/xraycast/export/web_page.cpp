@@ -291,10 +291,6 @@ PageJson header_of(const ExportRequest& session, Parts& parts) {
   return header;
 }
 
-}  // namespace
-
-namespace {
-
 std::string_view embedded_page(std::string_view name) {
   for (const EmbeddedFile& file : embedded_pages())
     if (file.name == name) return file.source;

@@ -11,12 +11,6 @@
 namespace xraycast {
 namespace {
 
-std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models) {
-  std::vector<double> insertions_mm;
-  for (const InstrumentModel& model : models) insertions_mm.push_back(max_insertion_mm(model));
-  return insertions_mm;
-}
-
 /// The introducer is where the entry is in the body now.
 Instruments::Options options_in(const RunRequest& request, const SimulatedRun::Moving& moving) {
   Instruments::Options options = instrument_options(request);

@@ -11,12 +11,6 @@
 namespace xraycast {
 namespace {
 
-std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models) {
-  std::vector<double> insertions_mm;
-  for (const InstrumentModel& model : models) insertions_mm.push_back(max_insertion_mm(model));
-  return insertions_mm;
-}
-
 /// Of a millilitre of iodine, which the page has its own of.
 constexpr double kAnyAttenuation_per_mm = 1;
 
