@@ -28,6 +28,11 @@ COMMANDS = {
     "cine": "render map.exr --cine 0:360:4 -o out/turn.gif",
     "segment": "segment ct.nrrd -o out/vessels --explain out/steps",
     "evidence": "segment angiogram.nrrd -o out/vessels",
+    "vessels": "vessels truth/surface.vtp --like ct.nrrd -o out/vessels",
+    "motion": "motion ct.nrrd --breath 12 --heart -o out/motion",
+    "phases": "motion ct.nrrd inhaled.nrrd --at 1 -o out/motion",
+    "moving": "cast ct.nrrd --layers 8 --angles 180 --motion motion/motion.json --keys breath=3 -o out/map.exr --preview out/map.png",
+    "register": "register ct.nrrd xray.dcm --search 15,40 -o out/pose.json --overlay out/fits.png",
     "vesselness": "vesselness ct.nrrd -o out/v.nrrd",
     "simulate": "simulate tree.json --device-model cobra-5f --script push.csv -o out/log.csv --map map.exr --cine out/c.gif",
     "export": "export map.exr -o out/page.html",
@@ -57,7 +62,9 @@ class Signals(unittest.TestCase):
         os.chdir(cls.temporary.name)
         pathlib.Path("tree.json").write_text(TREE)
         pathlib.Path("push.csv").write_text(PUSH)
-        run(f"phantom thorax --size {cls.size} -o ct.nrrd")
+        run(f"phantom thorax --size {cls.size} -o ct.nrrd --truth truth --motion motion")
+        run("convert ct.nrrd --motion motion/motion.json --phase breath=1 -o inhaled.nrrd")
+        run("project ct.nrrd --size 256x256 --cone 1000,1500 -o xray.dcm")
         run("phantom head --noise 900 --spacing 2 -o angiogram.nrrd")
         run("cast ct.nrrd --layers 16 -o map.exr --keep-basis ct.basis")
 
