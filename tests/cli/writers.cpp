@@ -49,7 +49,7 @@ constexpr Writer kWriters[] = {
     {"Vessels", "vessels @/mask.nrrd -o @/out --triangles 400"},
     {"PhantomMotion", "phantom head --spacing 16 -o @/out/ct.nrrd --motion @/out/motion"},
     {"CastMoving",
-     "cast @/ct.nrrd --layers 2 --angles 60 --motion @/motion.json -o @/out/map.exr --keep-basis @/out/b"},
+     "cast @/ct.nrrd --layers 2 --angles 60 --motion @/motion.json -o @/out/map.exr --keep-basis @/out/b -q"},
     {"Register", "register @/ct.nrrd @/xray.dcm --search 0,0 -o @/out/pose.json --overlay @/out/fits.png"},
     {"Render", "render @/map.exr --size 48x48 -o @/out/f.png"},
     {"RenderJpeg", "render @/map.exr --size 48x48 -o @/out/f.jpg"},
