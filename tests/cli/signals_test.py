@@ -39,6 +39,14 @@ COMMANDS = {
     "demo": "demo -o out",
 }
 
+# What only some of them read, by how its name begins.
+INPUTS = {
+    "truth/": "phantom thorax --size {size} -o other.nrrd --truth truth",
+    "motion/": "phantom thorax --size {size} -o other.nrrd --motion motion",
+    "inhaled.nrrd": "phantom thorax --size {size} -o inhaled.nrrd --phase breath=1",
+    "xray.dcm": "project ct.nrrd --size 256x256 --cone 1000,1500 -o xray.dcm",
+}
+
 
 def run(words):
     done = subprocess.run([PROGRAM, *words.split(), "--quiet"], capture_output=True, text=True)
@@ -62,9 +70,7 @@ class Signals(unittest.TestCase):
         os.chdir(cls.temporary.name)
         pathlib.Path("tree.json").write_text(TREE)
         pathlib.Path("push.csv").write_text(PUSH)
-        run(f"phantom thorax --size {cls.size} -o ct.nrrd --truth truth --motion motion")
-        run("convert ct.nrrd --motion motion/motion.json --phase breath=1 -o inhaled.nrrd")
-        run("project ct.nrrd --size 256x256 --cone 1000,1500 -o xray.dcm")
+        run(f"phantom thorax --size {cls.size} -o ct.nrrd")
         run("phantom head --noise 900 --spacing 2 -o angiogram.nrrd")
         run("cast ct.nrrd --layers 16 -o map.exr --keep-basis ct.basis")
 
@@ -86,6 +92,9 @@ class Signals(unittest.TestCase):
         return subprocess.Popen([PROGRAM, *words, "--quiet"], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
 
     def interrupt(self, name):
+        for begin, command in INPUTS.items():
+            if any(word.startswith(begin) for word in COMMANDS[name].split()):
+                run(command.format(size=self.size))
         begin = time.monotonic()
         process = self.start(name)
         _, err = process.communicate()
