@@ -2,7 +2,7 @@
 // named by the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { existsSync, readFileSync, statSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, readFileSync, statSync, writeFileSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { after, before, test } from "node:test";
 import { pathToFileURL } from "node:url";
@@ -96,6 +96,29 @@ browser_test("keys steer a wire in a catheter, off line, and the picture is held
   await page.waitForFunction(() => document.querySelector("#valve").getAttribute("aria-pressed") === "true");
   await screenshot(page, "trainer-pair.png");
   await close(opened);
+});
+
+browser_test("no text of a title, an instrument or a vessel becomes a part of the page", async () => {
+  const attack = `"'><script>document.body.remove()</script><img src=x onerror=alert(1)></title><!--<script>`;
+  const cobra = JSON.parse(readFileSync(join(web, "../simulation/instruments/cobra-5f.json"), "utf8"));
+  writeFileSync(file("attack.json"), JSON.stringify({ ...cobra, name: attack }));
+  cpSync(file("truth"), file("attacked"), { recursive: true });
+  const { names } = JSON.parse(readFileSync(file("truth/names.json"), "utf8"));
+  writeFileSync(file("attacked/names.json"), JSON.stringify({ names: names.map((one) => ({ ...one, name: attack.slice(0, 70) })) }));
+  run("export", file("map.exr"), "--vessels", file("attacked"), "--live", "--device-model", file("attack.json"), "--device-model",
+    "guidewire-035-j", "--title", attack, "-o", file("attack.html"));
+  const elements = ({ page }) => page.$$eval("*", (all) => all.map((one) => [one.localName, ...one.getAttributeNames()].sort().join(" ")).sort());
+  const plain = await steer("pair.html"), expected = await elements(plain);
+  await close(plain);
+  const attacked = await steer("attack.html"), dialogs = [], { page } = attacked;
+  page.on("dialog", (dialog) => dialogs.push(dialog.message()) && dialog.dismiss());
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 40);
+  await page.keyboard.up("ArrowUp");
+  assert.deepEqual(await elements(attacked), expected);
+  assert.equal(await page.title(), attack);
+  assert.deepEqual(dialogs, []);
+  await close(attacked);
 });
 
 /** Keeps the text of files that the page would save. */
