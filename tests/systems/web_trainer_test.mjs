@@ -267,7 +267,7 @@ function note_messages() {
   const { addEventListener } = Worker.prototype;
   Worker.prototype.addEventListener = function (kind, listener) {
     addEventListener.call(this, kind, (event) => {
-      if (event.data instanceof ArrayBuffer) globalThis.told.push([performance.now(), 1000 * new DataView(event.data).getFloat32(8, true)]);
+      if ("message" in event.data) globalThis.told.push([performance.now(), 1000 * new DataView(event.data.message).getFloat32(8, true)]);
       listener(event);
     });
   };
