@@ -187,6 +187,13 @@ TEST(PoorResults, NameTheFieldThatHelps) {
               testing::ElementsAre(testing::HasSubstr("give `window_hu`, `seeds`, or `not_vessels`")));
 }
 
+TEST(PoorResults, OfNoHintAreSaidWhereTheyAreLittle) {
+  const VolumeGeometry small{.size = {9, 9, 20}}, large{.size = {90, 90, 90}};
+  EXPECT_THAT(too_little(comb(1, 0).tree, small, "scan"), testing::IsEmpty());
+  EXPECT_THAT(too_little(comb(1, 0).tree, large, "scan"),
+              testing::ElementsAre(testing::HasSubstr("found 9 mm of vessels in all")));
+}
+
 TEST(Centrelines, OfAnisotropicVoxelsAreInMillimetres) {
   const glm::dvec3 a(-20, 5, -30), b(12, 8, 31);
   constexpr double kRadius = 4;

@@ -2,7 +2,7 @@
 
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/geometry/segment_index.hpp"
-#include "xraycast/segmentation/place_in_tube.hpp"
+#include "xraycast/skeleton/place_in_tube.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>

@@ -4,10 +4,10 @@
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/mask/skeleton_graph.hpp"
 #include "xraycast/mask/thinning.hpp"
-#include "xraycast/segmentation/fill_radii.hpp"
-#include "xraycast/segmentation/inner_leaves.hpp"
-#include "xraycast/segmentation/lumen.hpp"
-#include "xraycast/segmentation/skeleton_pruning.hpp"
+#include "xraycast/skeleton/fill_radii.hpp"
+#include "xraycast/skeleton/inner_leaves.hpp"
+#include "xraycast/skeleton/lumen.hpp"
+#include "xraycast/skeleton/skeleton_pruning.hpp"
 
 #include <fmt/format.h>
 #include <glm/common.hpp>
