@@ -6,6 +6,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/printable.hpp"
 #include "xraycast/casting/key_maps.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/reports/comparison_report.hpp"
@@ -131,6 +132,19 @@ MotionRequest instant_of_scan(const CompareArguments& options, const CompareRequ
   return instant;
 }
 
+/// Maps of another scan may have the same grid: those that name another file than the scan's.
+std::vector<std::string> notes_on_sources(const CompareRequest& request, const std::string& scan) {
+  std::filesystem::path path = std::filesystem::path(scan).lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();
+  std::vector<std::string> notes;
+  for (const auto& [map, name] : request.maps)
+    if (map->source.find(path.filename().string()) == std::string::npos)
+      notes.push_back(
+          fmt::format("{}: was cast from {}; the figures are only right where {} is the same scan", name,
+                      map->source.empty() ? "an unnamed scan" : excerpt(map->source), scan));
+  return notes;
+}
+
 void compare_maps(const CompareArguments& options, Invocation& invocation) {
   CompareRequest request = parse_request(options);
   if (request.sampling.compositing == Compositing::wall)
@@ -148,6 +162,7 @@ void compare_maps(const CompareArguments& options, Invocation& invocation) {
   const std::string scan_name = options.input + motion.suffix();
   Scan scan = open_scan(options.input, options.scan, invocation.progress);
   check(request, scan.source->geometry(), scan_name);
+  invocation.say(notes_on_sources(request, options.input));
   scan = moved(std::move(scan), motion, invocation.progress);
   invocation.say_about(scan.info);
   if (!options.pictures.empty()) make_picture_folder(options);

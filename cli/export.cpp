@@ -26,6 +26,7 @@ struct ExportArguments {
   std::vector<std::string> keys;
   bool is_live = false;
   std::string devices;
+  std::vector<std::string> exercises;
   const CLI::App* command = nullptr;
 };
 
@@ -35,14 +36,15 @@ void check_applies(const ExportArguments& options, ExportFormat format) {
     check_not_given(*options.command, {"--precision", "--keys", "--gate", "--motion-speed"},
                     fmt::format("to {}, which holds no map; leave it out or write a .html", options.output));
     check_not_given(
-        *options.command, {"--live", "--devices"},
+        *options.command, {"--live", "--devices", "--exercise"},
         fmt::format("to {}, which steers nothing; leave it out or write a .html", options.output));
   }
   if (options.is_live)
     check_not_given(*options.command, {"--gate", "--motion-speed", "--keys"},
                     "with --live, whose body stands still; leave it out");
   else
-    check_not_given(*options.command, {"--devices"}, "without --live; leave it out or give --live too");
+    check_not_given(*options.command, {"--devices", "--exercise"},
+                    "without --live; leave it out or give --live too");
   if (options.run.script.empty() && !options.is_live)
     check_not_given(*options.command, {"--device-model", "--entry"},
                     "without a run; leave it out or give --script or --live too");
@@ -92,6 +94,9 @@ void add_trainer(const ExportArguments& options, const ViewSession& scene, Expor
   const RunRequest run = parse_run(given, scene.vessels);
   invocation.say(check(run));
   make_steered(request, run, parse_devices(options.devices));
+  std::vector<Exercise> exercises;
+  for (const std::string& file : options.exercises) exercises.push_back(read_exercise(file, *run.tree));
+  add_exercises(request, exercises);
 }
 
 void export_session(const ExportArguments& options, Invocation& invocation) {
@@ -147,6 +152,9 @@ void add_export(CLI::App& app, Invocation& invocation) {
       "    --device-model guidewire-035-j -o run.html\n"
       "  xraycast export map.exr --vessels vessels --live --device-model cobra-5f \\\n"
       "    --device-model guidewire-035-j --devices pigtail-5f,simmons2-5f -o trainer.html\n"
+      "  xraycast export map.exr --vessels thorax-truth --live -o tasks.html \\\n"
+      "    --exercise examples/exercises/1-left-renal.json --exercise "
+      "examples/exercises/6-left-carotid.json\n"
       "  xraycast export map.exr --vessels vessels --script push.csv -o run.glb\n"
       "  xraycast export moving.exr --vessels vessels -o breathes.html --gate heart=0.75\n"
       "  xraycast export --session operation.json -o page.html",
@@ -182,6 +190,12 @@ void add_export(CLI::App& app, Invocation& invocation) {
                    "With --live: instruments that may be taken instead of those of --device-model, presets "
                    "or JSON files, with commas between them")
       ->type_name("LIST");
+  command
+      ->add_option("--exercise", options->exercises,
+                   "With --live: a task to choose in the page (docs/exercises.md), with its own instruments. "
+                   "Repeat it for several")
+      ->allow_extra_args(false)
+      ->type_name("JSON");
   command
       ->add_option("--precision", options->precision,
                    "How the page stores the map: byte (8 bits a texel) or half (16 bits)")

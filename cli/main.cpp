@@ -118,6 +118,7 @@ int main(int argc, char** argv) {
   cli::add_render(app, invocation);
   cli::add_compare(app, invocation);
   cli::add_simulate(app, invocation);
+  cli::add_report(app, invocation);
   cli::add_export(app, invocation);
   cli::add_view(app, invocation);
   cli::add_serve(app, invocation);

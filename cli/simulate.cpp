@@ -1,5 +1,6 @@
 #include "options/angiography_options.hpp"
 #include "options/command.hpp"
+#include "options/exercise_options.hpp"
 #include "options/fluoroscope_options.hpp"
 #include "options/motion_options.hpp"
 #include "options/run_options.hpp"
@@ -14,10 +15,12 @@
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/reports/hub_plot.hpp"
+#include "xraycast/reports/run_comparison.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/simulation/run.hpp"
+#include "xraycast/simulation/run_monitor.hpp"
 
 #include <fmt/format.h>
 
@@ -33,7 +36,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct SimulateArguments {
-  std::string tree, log, plot;
+  std::string tree, log, plot, exercise, report;
   RunOptions run;
   std::string map, cine, look = "fluoro";
   InjectionOptions injection;
@@ -137,6 +140,7 @@ class Cine {
   }
   void finish() { file_->finish(exposure(), run_->acquisition().mask_frames()); }
 
+  RunUse use() const { return run_->use(); }
   double injected_ml() const { return run_->injected_ml(); }
   double withheld_ml() const { return run_->withheld_ml(); }
   std::optional<ExposureRecord> exposure() const { return run_->acquisition().record(); }
@@ -220,11 +224,21 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
   return json;
 }
 
-void simulate(const SimulateArguments& options, Invocation& invocation) {
+std::optional<ExerciseProgress> progress_of(const std::optional<Exercise>& exercise, const VesselTree& tree) {
+  return exercise ? std::optional<ExerciseProgress>(std::in_place, *exercise, tree) : std::nullopt;
+}
+
+void simulate(SimulateArguments options, Invocation& invocation) {
+  const std::optional<Exercise> exercise = parse_exercise_option(options.exercise, options.tree, options.run);
   check_writable(options.log);
+  if (!options.report.empty()) {
+    check_report_name(options.report, "--report " + options.report);
+    check_writable(options.report);
+  }
   for (const fs::path& path : plots_of(options)) check_picture_name(path, "--plot " + path.string());
   check_cine(options);
   RunRequest request = parse_run(options.run, options.tree);
+  if (exercise) apply(*exercise, options.run, request);
   if (!options.cine.empty()) request.injection = parse_injection(options.injection);
   invocation.say(check(request));
   if (request.body.motion) invocation.say(request.body.motion->warnings());
@@ -233,9 +247,14 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
   std::optional<Cine> cine;
   if (!options.cine.empty()) cine.emplace(options, request, invocation);
   HubSamples samples(*request.script);
+  std::optional<RunMonitor> monitor;
   const Run run = xraycast::run(request, invocation.progress, [&](const Instruments& moved, double time_s) {
     if (!options.plot.empty()) samples.record(moved, time_s);
     if (cine) cine->advance(moved, time_s);
+    if (!monitor)
+      monitor.emplace(moved, names_of(request.instruments), progress_of(exercise, *request.tree));
+    else
+      monitor->add(moved, cine ? cine->use() : RunUse{});
   });
   const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
   OutputSet outputs;
@@ -244,14 +263,18 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
   for (std::size_t d = 0; d < plots.size(); ++d)
     write_picture(hub_plot(request.instruments[d].name() + ": at the hub", samples.records(), d), plots[d]);
   if (cine) cine->finish();
+  if (!options.report.empty())
+    write_runs(options.report, {SavedRun::parse(monitor->json(true), fs::path(options.log).stem().string())});
   outputs.commit();
 
   Json result = json_of(run, request, options, wall_s);
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
+  if (exercise || !options.report.empty()) result["report"] = Json::parse(monitor->json(false));
+  if (exercise) pictures = in_words(*monitor->progress()) + "\n";
   if (const auto exposure = cine ? cine->exposure() : std::nullopt) {
     result["fluoroscope"] = to_json(*exposure);
-    pictures = summary(*exposure);
+    pictures += summary(*exposure);
   }
   if (cine && !options.injection.times.empty()) {
     result["injected_ml"] = cine->injected_ml();
@@ -261,7 +284,8 @@ void simulate(const SimulateArguments& options, Invocation& invocation) {
     pictures += fmt::format("{:.1f} ml of contrast agent were not injected: {}\n", cine->withheld_ml(),
                             reason_for_no_outlet(request.instruments));
   for (const fs::path& file : plots) pictures += fmt::format("{}: written\n", file.string());
-  if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
+  for (const std::string& file : {options.cine, options.report})
+    if (!file.empty()) pictures += fmt::format("{}: written\n", file);
   invocation.report(result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
                                         "entry: end of {}; {}\n{}{}",
                                         options.log, pluralize(run.records.size(), "row"), simulated_s,
@@ -291,6 +315,8 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       "    --motion thorax-motion/motion.json --phase breath=0\n"
       "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map moving.exr \\\n"
       "    --cine gated.gif --motion thorax-motion/motion.json --gate heart=0.75\n"
+      "  xraycast simulate thorax-truth --exercise examples/exercises/1-left-renal.json -o log.csv \\\n"
+      "    --report run.html\n"
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
       "second instrument also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
       [options, &invocation] { simulate(*options, invocation); });
@@ -306,6 +332,13 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
                    "The log: one row per row of the script, with the hub's force in N and torque in N m")
       ->required()
       ->type_name("CSV");
+  add_exercise_option(*command, options->exercise);
+  command
+      ->add_option(
+          "--report", options->report,
+          "What the instruments did, in figures (docs/exercises.md): as a page with plots, a table, or "
+          "JSON, which `xraycast report` takes")
+      ->type_name("HTML|CSV|JSON");
   add_body_options(
       *command, options->run.body,
       "How the body moves about the instruments: a motion.json of displacement fields, whose 0 s are "

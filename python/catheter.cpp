@@ -1,5 +1,6 @@
 #include "calls/arguments.hpp"
 #include "calls/job.hpp"
+#include "calls/monitoring.hpp"
 #include "calls/values.hpp"
 #include "run.hpp"
 #include "xraycast/base/error.hpp"
@@ -40,10 +41,11 @@ struct HubMoves {
 /// Coaxial instruments, or one alone, moved by one thread at a time.
 class HeldInstruments {
  public:
-  explicit HeldInstruments(const RunRequest& request)
+  HeldInstruments(const RunRequest& request, const std::optional<Exercise>& exercise)
       : count_(request.instruments.size()),
         request_(request),
-        instruments_(*request.tree, request.instruments, entry_of(request), instrument_options(request)) {
+        instruments_(*request.tree, request.instruments, entry_of(request), instrument_options(request)),
+        monitor_(instruments_, names_of(request.instruments), progress_of(exercise, *request.tree)) {
     for (std::size_t d = 0; d < count_; ++d)
       shown_.push_back({request.instruments[d].name(), instruments_.max_insertion_mm(d)});
   }
@@ -61,6 +63,7 @@ class HeldInstruments {
         poses[d] = {starts[d].insertion_mm + share * moves.push_mm[d],
                     starts[d].rotation_rad + share * moves.turn_rad[d]};
       instruments_.step(poses, next_phases());
+      monitor_.add(instruments_);
       constexpr std::chrono::milliseconds kLookInterval{50};
       if (std::chrono::steady_clock::now() - looked < kLookInterval) continue;
       const nb::gil_scoped_acquire held;
@@ -108,8 +111,14 @@ class HeldInstruments {
   void exchange(std::size_t instrument, const InstrumentModel& model) {
     const auto lock = locked();
     instruments_.exchange(instrument, model);
+    monitor_.exchanged(instrument, instruments_, model.name());
     const std::lock_guard shown(shown_mutex_);
     shown_[instrument] = {model.name(), instruments_.max_insertion_mm(instrument)};
+  }
+
+  std::string report(bool has_series) {
+    const auto lock = locked();
+    return monitor_.json(has_series);
   }
 
   bool has_free_lumen(std::size_t instrument) {
@@ -183,6 +192,7 @@ class HeldInstruments {
   Stepper stepping_{};              ///< the thread that steps
   std::optional<BodyClock> clock_;  ///< of the body, once a mode was held
   Instruments instruments_;
+  RunMonitor monitor_;
 };
 
 /// One alone.
@@ -191,19 +201,23 @@ struct HeldCatheter {
 };
 
 void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const PathArgument& model,
-                   const EntryArgument& entry, const PathArgument& motion, const PhaseArgument& phase) {
+                   const EntryArgument& entry, const PathArgument& motion, const PhaseArgument& phase,
+                   const PathArgument& exercise) {
   nb::list models;
   models.append(model);
-  const RunRequest request = run_of(tree, models, entry, motion, phase, "model");
+  RunRequest request = run_of(tree, models, entry, motion, phase, "model");
+  const std::optional<Exercise> task = take_exercise(request, entry, exercise);
   const nb::gil_scoped_release released;
-  new (catheter) HeldCatheter{HeldInstruments(request)};
+  new (catheter) HeldCatheter{HeldInstruments(request, task)};
 }
 
 void make_instruments(HeldInstruments* instruments, const HeldTree& tree, const ModelsArgument& models,
-                      const EntryArgument& entry, const PathArgument& motion, const PhaseArgument& phase) {
-  const RunRequest request = run_of(tree, models, entry, motion, phase, "models");
+                      const EntryArgument& entry, const PathArgument& motion, const PhaseArgument& phase,
+                      const PathArgument& exercise) {
+  RunRequest request = run_of(tree, models, entry, motion, phase, "models");
+  const std::optional<Exercise> task = take_exercise(request, entry, exercise);
   const nb::gil_scoped_release released;
-  new (instruments) HeldInstruments(request);
+  new (instruments) HeldInstruments(request, task);
 }
 
 /// One number an instrument; none: 0 for all.
@@ -333,6 +347,18 @@ constexpr const char* kHoldHelp =
     "from "
     "there.";
 
+constexpr const char* kReportHelp =
+    "What it did so far, in figures (docs/exercises.md), as a dict. series: with values over time.";
+
+nb::dict instruments_report(HeldInstruments& instruments, bool has_series) {
+  std::string json;
+  {
+    const nb::gil_scoped_release released;
+    json = instruments.report(has_series);
+  }
+  return report_object(json);
+}
+
 void hold_mode(HeldInstruments& instruments, const std::string& mode, bool is_held) {
   const nb::gil_scoped_release released;
   instruments.hold(mode, is_held);
@@ -345,13 +371,15 @@ void add_instruments(nb::module_& module) {
       "its own hub. Lists have one item for each instrument, the outermost first.")
       .def("__init__", make_instruments, nb::arg("tree"), nb::arg("models").none(), nb::kw_only(),
            nb::arg("entry") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
+           nb::arg("exercise") = nb::none(),
            "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry, "
-           "motion, phase: as Catheter's.")
+           "motion, phase, exercise: as Catheter's.")
       .def("step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
            nb::arg("ms") = 1,
            "Moves each hub by its numbers in push_mm and turn_deg, evenly over `ms` steps of 1 ms, and "
            "returns a CatheterState for each instrument.")
       .def("hold", hold_mode, nb::arg("mode"), nb::arg("is_held") = true, kHoldHelp)
+      .def("report", instruments_report, nb::arg("series") = false, kReportHelp)
       .def_prop_ro("states", &HeldInstruments::states, nb::call_guard<nb::gil_scoped_release>())
       .def("nodes_mm", nodes_of, nb::arg("instrument"), kShared,
            "An instrument from the introducer to its tip, (nodes, 3) float64, mm, LPS; a new array.")
@@ -397,6 +425,7 @@ void add_catheter(nb::module_& module) {
   nb::class_<HeldCatheter>(module, "Catheter", "A catheter or guide wire in a vessel tree, moved at its hub.")
       .def("__init__", make_catheter, nb::arg("tree"), nb::arg("model"), nb::kw_only(),
            nb::arg("entry") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
+           nb::arg("exercise") = nb::none(),
            "model: an instrument's name, such as cobra-5f or guidewire-035-j (the error for a wrong one "
            "lists all), or a JSON file.\n"
            "entry: a branch's number or its vessel's name, or a point (x, y, z) in mm near a vessel's end; "
@@ -404,7 +433,9 @@ void add_catheter(nb::module_& module) {
            "inferior end that it fits into.\n"
            "motion: a motion.json, by which the body moves about the instrument while it steps.  phase: a "
            "dict "
-           "of modes that are held, and their phases, 0 to 1; the others go on.")
+           "of modes that are held, and their phases, 0 to 1; the others go on.\n"
+           "exercise: a file of a task (docs/exercises.md), which report() tells of, and whose entry is the "
+           "default.")
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
            "Moves the hub by push_mm and turn_deg, evenly over `ms` steps of 1 ms, and returns the "
            "CatheterState.")
@@ -412,6 +443,9 @@ void add_catheter(nb::module_& module) {
           "hold",
           [](HeldCatheter& c, const std::string& mode, bool is_held) { hold_mode(c.held, mode, is_held); },
           nb::arg("mode"), nb::arg("is_held") = true, kHoldHelp)
+      .def(
+          "report", [](HeldCatheter& c, bool series) { return instruments_report(c.held, series); },
+          nb::arg("series") = false, kReportHelp)
       .def_prop_ro(
           "state", [](HeldCatheter& c) { return c.held.states().front(); },
           nb::call_guard<nb::gil_scoped_release>())

@@ -63,10 +63,10 @@ HeldTree tree_in(const nb::object& vessels) {
 
 /// A page that steers by itself.
 void add_live(ExportRequest& request, const nb::object& vessels, const nb::object& live,
-              const nb::object& devices, const nb::object& entry) {
+              const nb::object& devices, const nb::object& entry, const nb::object& exercises) {
   if (live.is_none()) {
-    if (!devices.is_none() || !entry.is_none())
-      throw InputError("devices, entry: without live; leave them out");
+    if (!devices.is_none() || !entry.is_none() || !exercises.is_none())
+      throw InputError("devices, entry, exercise: without live; leave them out");
     return;
   }
   if (request.format != ExportFormat::page) throw InputError("live: a scene steers nothing; write a .html");
@@ -76,6 +76,11 @@ void add_live(ExportRequest& request, const nb::object& vessels, const nb::objec
       names.push_back(instrument_name(device, fmt::format("devices[{}]", names.size())));
   make_steered(request, run_of(tree_in(vessels), live, entry, nb::none(), nb::none(), "live"),
                instruments_named(names));
+  std::vector<Exercise> tasks;
+  if (!exercises.is_none())
+    for (const nb::handle file : exercises)
+      tasks.push_back(read_exercise(path_of(file), *request.trainer->tree));
+  add_exercises(request, tasks);
 }
 
 /// What the session shows but for what is given in its place.
@@ -95,7 +100,7 @@ void export_session(const HeldBody& body, nb::handle path, const nb::object& ves
                     const nb::object& session, const PathArgument& motion, const PhaseArgument& phase,
                     const PhaseArgument& gate, double motion_speed, const KeysArgument& keys,
                     const nb::object& live, const nb::object& devices, const nb::object& entry,
-                    const nb::object& progress) {
+                    const nb::object& exercise, const nb::object& progress) {
   const std::string file = path_of(path);
   const ExportFormat format = export_format(file);
   check_writable(file);
@@ -112,7 +117,7 @@ void export_session(const HeldBody& body, nb::handle path, const nb::object& ves
     check_recordable(*run->request.script);
     request.run = run->recorded;
   }
-  add_live(request, vessels, live, devices, entry);
+  add_live(request, vessels, live, devices, entry, exercise);
   warn(check(request));
   run_job(progress, [&](Progress& reported) {
     reported.begin("exporting", 1, "files");
@@ -137,9 +142,9 @@ void add_export(nb::module_& module) {
       "keys: dict[str, int] | None = None, "
       "live: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
       "devices: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
-      "entry: int | str | numpy.typing.ArrayLike | None = None, progress: xraycast._progress.Listener | None "
-      "= "
-      "None) "
+      "entry: int | str | numpy.typing.ArrayLike | None = None, "
+      "exercise: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
+      "progress: xraycast._progress.Listener | None = None) "
       "-> None",
       usual.title, kUsualContrast_mg_ml);
   module.def(
@@ -149,7 +154,7 @@ void add_export(nb::module_& module) {
       nb::arg("session") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
       nb::arg("gate") = nb::none(), nb::arg("motion_speed") = 1.0, nb::arg("keys") = nb::none(),
       nb::arg("live") = nb::none(), nb::arg("devices") = nb::none(), nb::arg("entry") = nb::none(),
-      nb::arg("progress") = nb::none(), nb::sig(signature.c_str()),
+      nb::arg("exercise") = nb::none(), nb::arg("progress") = nb::none(), nb::sig(signature.c_str()),
       "Writes a BodyMap, with vessels and a run, as one web page that any browser opens (.html), or without "
       "the map as a glTF scene (.glb).\n\n"
       "vessels: Vessels, a Mesh, a VesselTree, or a file or folder of these.  run: what simulate() gave.\n"
@@ -166,7 +171,8 @@ void add_export(nb::module_& module) {
       "in "
       "which it was simulated.\n"
       "live: instruments, the outermost first, of a page that steers: it simulates them by itself, in the "
-      "vessels' tree.  devices: others that may be taken instead.  entry: as Catheter's.");
+      "vessels' tree.  devices: others that may be taken instead.  entry: as Catheter's.  "
+      "exercise: a list of files of tasks, to choose in the page (docs/exercises.md).");
 }
 
 }  // namespace xraycast::python

@@ -3,11 +3,14 @@
 #include "calls/arguments.hpp"
 #include "calls/entry.hpp"
 #include "calls/job.hpp"
+#include "calls/monitoring.hpp"
+#include "calls/run_records.hpp"
 #include "calls/values.hpp"
 #include "motion.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/reports/hub_plot.hpp"
+#include "xraycast/reports/run_comparison.hpp"
 
 #include <fmt/ranges.h>
 
@@ -40,62 +43,28 @@ Script script_of(const nb::object& script, std::size_t instruments) {
 
 HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::object& script,
                  const nb::object& entry, double interval_s, const PathArgument& motion,
-                 const PhaseArgument& phase, const nb::object& progress) {
+                 const PhaseArgument& phase, const PathArgument& exercise, const nb::object& progress) {
   HeldRun held{run_of(tree, instruments, entry, motion, phase, "instruments"), {}};
   held.request.script = script_of(script, held.request.instruments.size());
   held.request.interval_s = interval_s;
+  const std::optional<Exercise> task = take_exercise(held.request, entry, exercise);
   return result_of(progress, [&](Progress& reported) {
     std::vector<std::string> notes = check(held.request);
     if (held.request.script->rows().back().time_s <= RecordedRun::kLongest_s)
       held.recorded = RecordedRun::of(held.request.instruments);
+    std::optional<RunMonitor> monitor;
     held.run = run(held.request, reported, [&](const Instruments& moved, double time_s) {
+      if (monitor)
+        monitor->add(moved);
+      else
+        monitor.emplace(moved, names_of(held.request.instruments), progress_of(task, *tree.tree));
       if (held.recorded) held.recorded->record(moved, time_s);
     });
+    held.report = monitor->json(true);
     notes.insert(notes.end(), held.run.notes.begin(), held.run.notes.end());
     held.run.notes = std::move(notes);
     return std::move(held);
   });
-}
-
-/// As NumPy has it: eight bytes a number.
-struct PackedRecord {
-  double time_s, insertion_mm, rotation_deg, force_N, torque_Nm;
-  glm::dvec3 tip_mm, tip_direction;
-  std::int64_t branch;
-  double arc_length_mm;
-  std::int64_t contacts;
-  double contact_force_N, deepest_mm;
-  glm::dvec3 tip_scan_mm;
-  double wall_work_J;
-};
-static_assert(sizeof(PackedRecord) == 20 * 8);
-
-PackedRecord packed(const RunRecord& r) {
-  return {r.time_s,        r.pose.insertion_mm, r.pose.rotation_rad * kDegreesPerRadian,
-          r.load.force_N,  r.load.torque_Nm,    r.tip.position_mm,
-          r.tip.direction, r.tip.branch,        r.tip.arc_length_mm,
-          r.contacts,      r.contact_force_N,   r.deepest_mm,
-          r.tip.scan_mm,   r.wall_work_J};
-}
-
-/// A structured array (records, instruments).
-nb::object records_array(const std::vector<std::vector<RunRecord>>& records) {
-  Progress progress;
-  const RunningCall call(progress);  // as poses_of
-  std::vector<PackedRecord> all;
-  for (const std::vector<RunRecord>& of_instruments : records)
-    for (const RunRecord& record : of_instruments) all.push_back(packed(record));
-  nb::list fields;
-  for (const char* name : {"time_s", "insertion_mm", "rotation_deg", "force_N", "torque_Nm"})
-    fields.append(nb::make_tuple(name, "f8"));
-  for (const char* name : {"tip_mm", "tip_direction"}) fields.append(nb::make_tuple(name, "f8", 3));
-  fields.append(nb::make_tuple("branch", "i8"));
-  fields.append(nb::make_tuple("arc_length_mm", "f8"));
-  fields.append(nb::make_tuple("contacts", "i8"));
-  for (const char* name : {"contact_force_N", "deepest_mm"}) fields.append(nb::make_tuple(name, "f8"));
-  fields.append(nb::make_tuple("tip_scan_mm", "f8", 3));
-  fields.append(nb::make_tuple("wall_work_J", "f8"));
-  return record_array(all, fields).attr("reshape")(records.size(), records.front().size());
 }
 
 auto phases_array(const HeldRun& held) {
@@ -114,10 +83,9 @@ auto plot_of(const HeldRun& held, int instrument) {
       hub_plot(fmt::format("{}: at the hub", instruments[number].name()), held.run.records, number));
 }
 
-std::vector<std::string> names_of(const HeldRun& held) {
-  std::vector<std::string> names;
-  for (const InstrumentModel& instrument : held.request.instruments) names.push_back(instrument.name());
-  return names;
+nb::dict run_report(const HeldRun& held, const PathArgument& path) {
+  if (!path.is_none()) write_runs(path_of(path), {SavedRun::parse(held.report, "run")});
+  return report_object(held.report);
 }
 
 }  // namespace
@@ -164,7 +132,7 @@ void add_run(nb::module_& module) {
           [](const HeldRun& r) { return nb::borrow<RecordArray>(records_array({r.run.last})[nb::int_(0)]); },
           "The instruments' states at the end, (instruments,), as a record of each; time_s since they began "
           "to move.")
-      .def_prop_ro("instruments", names_of)
+      .def_prop_ro("instruments", [](const HeldRun& r) { return names_of(r.request.instruments); })
       .def_prop_ro(
           "entry_branch", [](const HeldRun& r) { return r.run.entry.branch; },
           "The number of the branch at whose end the instruments entered.")
@@ -184,22 +152,29 @@ void add_run(nb::module_& module) {
       .def("plot", plot_of, nb::arg("instrument") = 0, kShared,
            "The force and the torque at an instrument's hub over time: (rows, columns, 3) uint8.\n\n"
            "instrument: its number, 0 for the outermost.")
+      .def("report", run_report, nb::arg("path") = nb::none(),
+           "What the instruments did, in figures (docs/exercises.md), as a dict; with a path also written as "
+           "a "
+           "page with plots (.html), a table (.csv) or .json.")
       .def(
           "write",
           [](const HeldRun& r, const PathArgument& path) { write_whole_file(path_of(path), to_csv(r.run)); },
           nb::arg("path"), "Writes the records as CSV, as `xraycast simulate` does.")
       .def("__repr__", [](const HeldRun& r) {
-        return text_object(fmt::format("<xraycast.Run of {}: {} records>", fmt::join(names_of(r), ", "),
+        return text_object(fmt::format("<xraycast.Run of {}: {} records>",
+                                       fmt::join(names_of(r.request.instruments), ", "),
                                        r.run.records.size()));
       });
   module.def(
       "simulate", simulate, nb::arg("tree"), nb::arg("instruments").none(), nb::arg("script").none(),
       nb::kw_only(), nb::arg("entry") = nb::none(), nb::arg("interval_s") = 0.0,
-      nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(), nb::arg("progress") = nb::none(),
+      nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(), nb::arg("exercise") = nb::none(),
+      nb::arg("progress") = nb::none(),
       nb::sig("def simulate(tree: VesselTree, instruments: collections.abc.Sequence[str | os.PathLike[str]], "
               "script: str | os.PathLike[str] | numpy.typing.ArrayLike, *, "
               "entry: int | numpy.typing.ArrayLike | None = None, interval_s: float = 0.0, "
               "motion: str | os.PathLike[str] | None = None, phase: dict[str, float] | None = None, "
+              "exercise: str | os.PathLike[str] | None = None, "
               "progress: xraycast._progress.Listener | None = None) -> Run"),
       "Moves instruments through a VesselTree by a script, as fast as the machine can, and returns a Run.\n\n"
       "instruments: names of instruments or their JSON files, the outermost first; up to three, one in the "
@@ -209,7 +184,8 @@ void add_run(nb::module_& module) {
       "entry: as Catheter's.  interval_s: between records; 0: one for each row of the script.\n"
       "motion: a motion.json, by which the body moves from 0 s on.  phase: a dict of modes that are held, "
       "and "
-      "their phases, 0 to 1.");
+      "their phases, 0 to 1.  exercise: a file of a task, which Run.report() tells of, and whose entry is "
+      "the default.");
 }
 
 }  // namespace xraycast::python

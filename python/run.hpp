@@ -14,6 +14,7 @@ struct HeldRun {
   RunRequest request;
   Run run;
   std::optional<RecordedRun> recorded{};
+  std::string report{};  ///< see RunMonitor
 };
 
 /// A run in a tree, in a body that moves or, with None, is still. `name` is the argument `instruments`' own.

@@ -74,6 +74,7 @@ void add_register(CLI::App& app, Invocation& invocation);
 void add_vesselness(CLI::App& app, Invocation& invocation);
 void add_render(CLI::App& app, Invocation& invocation);
 void add_simulate(CLI::App& app, Invocation& invocation);
+void add_report(CLI::App& app, Invocation& invocation);
 void add_export(CLI::App& app, Invocation& invocation);
 void add_compare(CLI::App& app, Invocation& invocation);
 void add_view(CLI::App& app, Invocation& invocation);

@@ -1,9 +1,11 @@
 """A Gymnasium environment: steer a catheter to a target in a vessel tree."""
+import json
 import numbers
+import pathlib
 
 import numpy as np
 
-from . import Catheter, InputError, InstrumentShape, Motion, VesselTree
+from . import CoaxialInstruments, InputError, InstrumentShape, Motion, VesselTree
 from ._pictures import grey_range, greys, project_points
 
 try:
@@ -17,6 +19,8 @@ VIEW = {"lao": 0.0, "cranial": 0.0, "size": (128, 128), "pixel_mm": None, "centr
 LEAST_LEVELS = 24  # of grey, between the catheter and what is beside it, in pixels that are wider than it
 ROAD_MAP_MM = 1.6  # the width of the way
 MARGIN = 1.1  # of the field about the tree
+RENDERED = 256  # pixels of the longer side of a picture without a body
+DEPTH_MM, ENTERED = 10.0, 20.0  # of a target without one, see docs/exercises.md; what a forbidden entry costs
 
 
 class _Tree:
@@ -24,6 +28,7 @@ class _Tree:
 
     def __init__(self, tree):
         self.branches = [np.array(tree[i].points)[:, :3] for i in range(len(tree))]
+        self.radii = [np.array(tree[i].points)[:, 3] for i in range(len(tree))]
         self.parents = [tree[i].parent for i in range(len(tree))]
         self.arcs = [np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
                      for points in self.branches]
@@ -38,19 +43,66 @@ class _Tree:
             branch = self.parents[branch]
         return line
 
-    def way(self, branch, arc_mm, target):
-        """From a place on a branch to the end of the branch `target`."""
+    def place(self, branch, arc_mm):
+        return np.array([np.interp(arc_mm, self.arcs[branch], self.branches[branch][:, axis]) for axis in range(3)])
+
+    def between(self, branch, from_mm, to_mm):
+        """The points of a branch that lie between two places on it, in that direction."""
+        points, arcs = self.branches[branch], self.arcs[branch]
+        return points[(arcs > from_mm) & (arcs < to_mm)] if from_mm < to_mm else points[(arcs > to_mm) & (arcs < from_mm)][::-1]
+
+    def way(self, branch, arc_mm, target, target_mm=None):
+        """From a place on a branch to one on the branch `target`, by default its end."""
+        target_mm = self.arcs[target][-1] if target_mm is None else target_mm
         back, forth = self.ancestors(branch), self.ancestors(target)
         shared = next((b for b in back if b in forth), -1)
-        points, arcs = self.branches[branch], self.arcs[branch]
-        here = [np.interp(arc_mm, arcs, points[:, axis]) for axis in range(3)]
-        if shared == branch:
-            parts = [points[arcs > arc_mm]]
-        else:
-            parts = [points[arcs < arc_mm][::-1]]
-            parts += [self.branches[b][::-1] for b in back[1:back.index(shared) if shared >= 0 else None]]
-        parts += [self.branches[b] for b in reversed(forth[:forth.index(shared) if shared >= 0 else None])]
-        return np.vstack([[here], *parts])
+        ends = [[self.place(branch, arc_mm)], [self.place(target, target_mm)]]
+        if branch == target:
+            return np.vstack([ends[0], self.between(branch, arc_mm, target_mm), ends[1]])
+        # Every branch leaves the end of the one before it.
+        parts = [self.between(branch, arc_mm, np.inf if shared == branch else -1)]
+        parts += [self.branches[b][::-1] for b in back[1:back.index(shared) if shared >= 0 else None]]
+        parts += [self.branches[b] for b in reversed(forth[1:forth.index(shared) if shared >= 0 else None])]
+        parts.append(self.between(target, np.inf if shared == target else -1, target_mm))
+        return np.vstack([ends[0], *parts, ends[1]])
+
+    def at_depth(self, branches, depth_mm):
+        """The place of a vessel so far beyond its origin: a branch, and where on it."""
+        for branch in sorted(branches):
+            line = self.ancestors(branch)
+            above = next((b for b in line if b not in branches), -1)
+            start_mm = sum(self.arcs[b][-1] for b in line[1:] if b in branches and line.index(b) < (line.index(above) if above >= 0 else len(line)))
+            start_mm -= self.radii[above][-1] if above >= 0 else 0
+            if start_mm + self.arcs[branch][-1] >= depth_mm:
+                return branch, depth_mm - start_mm
+        return branch, self.arcs[branch][-1]
+
+    def nearest(self, point_mm):
+        """The place of the tree next to a point: a branch, and where on it."""
+        gaps = [np.linalg.norm(points - point_mm, axis=1) for points in self.branches]
+        branch = int(np.argmin([gap.min() for gap in gaps]))
+        return branch, self.arcs[branch][gaps[branch].argmin()]
+
+
+class _Task:
+    """An exercise: its file, its instruments, and the places of its targets."""
+
+    def __init__(self, file, vessels, tree):
+        self.file, document = file, json.loads(pathlib.Path(file).read_text(encoding="utf-8"))
+        CoaxialInstruments(vessels, self._beside(document["instruments"]), exercise=file)  # whether it can be done
+        self.instruments, self.places, self.names = self._beside(document["instruments"]), [], []
+        for target in document["targets"]:
+            if "at_mm" in target:
+                self.places.append(tree.nearest(target["at_mm"]))
+            else:
+                vessel = target["vessel"]
+                branches = vessels.named(vessel) if isinstance(vessel, str) else [vessel]
+                self.places.append(tree.at_depth(branches, target.get("depth_mm", DEPTH_MM)))
+
+    def _beside(self, names):
+        """The names of instruments' files are relative to the exercise's."""
+        files = [pathlib.Path(self.file).parent / name for name in names]
+        return [str(file) if file.is_file() else name for file, name in zip(files, names)]
 
 
 def _checked_view(body, view):
@@ -120,11 +172,41 @@ class _Fluoroscope:
         return np.where(self.frame.absorption(instruments=way) > 0, np.uint8(255), np.uint8(0))
 
 
+def _drawn(tree, nodes_mm, place_mm):
+    """A picture from the front without a body: the vessels, the instruments, and the target. (rows, columns, 3) uint8"""
+    points = np.vstack(tree.branches)
+    low, high = points.min(0) - 10, points.max(0) + 10
+    mm = max(high[0] - low[0], high[2] - low[2]) / RENDERED
+    picture = np.full((int((high[2] - low[2]) / mm) + 1, int((high[0] - low[0]) / mm) + 1, 3), 24, np.uint8)
+
+    def dot(line_mm, radii_mm, colour):
+        for point, radius in zip(line_mm, radii_mm):
+            column, row, reach = (point[0] - low[0]) / mm, (high[2] - point[2]) / mm, max(0.6, radius / mm)
+            rows, columns = np.ogrid[:picture.shape[0], :picture.shape[1]]
+            picture[(rows - row) ** 2 + (columns - column) ** 2 <= reach ** 2] = colour
+
+    def dense(line_mm, *values):
+        arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line_mm, axis=0), axis=1))])
+        marks = np.arange(0, arcs[-1] + mm, mm)
+        return [np.column_stack([np.interp(marks, arcs, line_mm[:, axis]) for axis in range(3)]), *(np.interp(marks, arcs, v) for v in values)]
+
+    for line, radii in zip(tree.branches, tree.radii):
+        dot(*dense(line, radii), (90, 96, 104))
+    dot([place_mm], [3], (255, 209, 89))
+    for nodes in nodes_mm:
+        line, = dense(np.asarray(nodes))
+        dot(line, np.full(len(line), 0.0), (255, 255, 255))
+    return picture
+
+
 class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
-    """Reach the end of a branch.
+    """Reach the end of a branch, or the targets of an exercise. `gymnasium.make("xraycast/ReachTarget-v0", tree=...)`, once this
+    module is imported.
 
     tree: a VesselTree, or its file.  model, entry: as of Catheter, the entry as a branch's number, its vessel's name, or a point.
+    devices: several instruments, the outermost first, in place of model.
     target: the number of a leaf, or its vessel's name; default: another leaf in each episode.
+    exercise: a file of a task (docs/exercises.md), with its own targets, instruments and entry.
     ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in one step.
     max_steps: the number of steps after which an episode is truncated.
     body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as in its render or
@@ -132,40 +214,50 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     motion, phase: as of Catheter: the body moves about the instrument, at the time of the episode, and so do frames of a body
     that is a map that moves by the same modes (Scan.cast with motion alone); those of any other body stand still.
     observe_phases: observations without a body have the phase of each mode too, at their end.
-    breath_hold: actions have a third number, above 0 to hold the mode `breath` of the motion where it is.
+    breath_hold: actions have a number more, above 0 to hold the mode `breath` of the motion where it is.
+    render_mode: "rgb_array": render() is the frame, or without a body a sketch from the front.
 
-    Action, (2,) float32 in [-1, 1]: push and turn at the hub; (3,) with breath_hold.
+    Action, (2,) float32 in [-1, 1]: push and turn at the hub, of each instrument; one more with breath_hold.
     Observation, (36,) float32, mm: the tip (x, y, z; where it is in the scan), its direction (3, of length 1), 8 points on the way to the
     target, 5 mm apart, as seen from the tip (24), the way's length, the insertion, the cosine and sine of the hub's
-    rotation, and at the hub the force in N and the torque in N mm.
+    rotation, and at the hub the force in N and the torque in N mm. Of several instruments the tip is the one nearest to the
+    target, and the last five numbers are repeated for each.
     Observation with a body, (rows, columns, 2) uint8: the fluoroscopic frame, and the road map: 255 on the way from where
     the catheter entered to the target, as it was taken when the episode began.
-    Info: target, left_mm: the way's length; and with a motion phases, a dict of its modes.
+    Info: target, left_mm: the way's length; report: what Catheter.report() gives; and with a motion phases, a dict of its modes.
     Reward: the millimetres by which the way became shorter, less 0.1 per step, and 100 at the target: within 5 mm of
-    its end, which also ends the episode.
+    its end, which also ends the episode. In an exercise 100 at each target, and 20 less for each entry into a forbidden vessel;
+    the last target ends the episode.
 
     Copies and unpickled environments start from the beginning: call reset().
     """
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}
     REACHED_MM, BONUS, PRICE = 5.0, 100.0, 0.1
 
     def __init__(self, tree, model="cobra-5f", target=None, *, entry=None, ms=10, max_push_mm=2.0, max_turn_deg=10.0,
                  max_steps=2000, body=None, lao=0.0, cranial=0.0, size=(128, 128), pixel_mm=None, centre_mm=None,
-                 motion=None, phase=None, observe_phases=False, breath_hold=False):
+                 motion=None, phase=None, observe_phases=False, breath_hold=False, devices=None, exercise=None, render_mode=None):
         gymnasium.utils.EzPickle.__init__(self, tree, model, target, entry=entry, ms=ms, max_push_mm=max_push_mm,
                                           max_turn_deg=max_turn_deg, max_steps=max_steps, body=body, lao=lao,
                                           cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm,
                                           motion=motion, phase=phase, observe_phases=observe_phases,
-                                          breath_hold=breath_hold)
+                                          breath_hold=breath_hold, devices=devices, exercise=exercise, render_mode=render_mode)
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InputError(f"render_mode {render_mode}: must be rgb_array or None")
+        self.render_mode = render_mode
         view = _checked_view(body, dict(lao=lao, cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm))
         self.vessels = tree if isinstance(tree, VesselTree) else VesselTree.read(tree)
-        self.tree, self.model, self.entry = _Tree(self.vessels), model, entry
+        self.tree, self.entry = _Tree(self.vessels), entry
+        self.task = None if exercise is None else _Task(exercise, self.vessels, self.tree)
+        if self.task and target is not None:
+            raise InputError("target: the exercise has its own; leave it out")
+        self.models = list(devices) if devices is not None else self.task.instruments if self.task else [model]
         if isinstance(target, str):
             target = self._leaf_named(target)
         if target is not None and target not in self.tree.leaves:
             raise InputError(f"target {target}: is not a leaf of the tree; give one of {self.tree.leaves}")
-        self.motion = {"motion": motion, "phase": phase}
+        self.motion = {"motion": motion, "phase": phase, "exercise": exercise}
         self.modes = [] if motion is None else list(Motion.read(motion).modes)
         self.holds_breath = breath_hold
         if breath_hold and "breath" not in self.modes:
@@ -177,7 +269,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
             raise InputError("observe_phases: applies to a motion without a body; give a motion, or leave it out")
         self.target_given, self.ms, self.max_steps = target, ms, max_steps
         self.scale = np.array([max_push_mm, max_turn_deg])
-        self.action_space = gymnasium.spaces.Box(-1, 1, (3 if breath_hold else 2,), np.float32)
+        self.action_space = gymnasium.spaces.Box(-1, 1, (2 * len(self.models) + (1 if breath_hold else 0),), np.float32)
         self.fluoroscope = None
         if body is not None:
             self.fluoroscope = _Fluoroscope(body, np.vstack(self.tree.branches), self.modes, **view)
@@ -186,7 +278,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
             self.observation_space = gymnasium.spaces.Box(0, 255, (*self.fluoroscope.frame.shape, 2), np.uint8)
         else:
             phases = len(self.modes) if observe_phases else 0
-            self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6 + phases,), np.float32)
+            self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 1 + 5 * len(self.models) + phases,), np.float32)
 
     def _leaf_named(self, name):
         leaves = [branch for branch in self.vessels.named(name) if branch in self.tree.leaves]
@@ -195,63 +287,104 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         return leaves[0]
 
     def _check_targets_are_seen(self):
-        for leaf in self.tree.leaves if self.target_given is None else [self.target_given]:
-            if not self.fluoroscope.shows(self.tree.branches[leaf][-1]):
-                raise InputError(f"target {leaf}: lies outside of the frames; give another size, pixel_mm or centre_mm, or leave "
+        places = self.task.places if self.task else [(leaf, None) for leaf in (self.tree.leaves if self.target_given is None else [self.target_given])]
+        for branch, arc_mm in places:
+            if not self.fluoroscope.shows(self.tree.branches[branch][-1] if arc_mm is None else self.tree.place(branch, arc_mm)):
+                raise InputError(f"target {branch}: lies outside of the frames; give another size, pixel_mm or centre_mm, or leave "
                                  "these out")
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
-        self.run = Catheter(self.vessels, self.model, entry=self.entry, **self.motion)
+        self.run = CoaxialInstruments(self.vessels, self.models, entry=self.entry, **self.motion)
+        self.states, self.report = self.run.states, self.run.report()
         self.target = self.target_given
-        if self.target is None:
-            away = [leaf for leaf in self.tree.leaves if leaf != self.run.state.branch]
+        if self.target is None and not self.task:
+            away = [leaf for leaf in self.tree.leaves if leaf != self.states[0].branch]
             self.target = int(self.np_random.choice(away or self.tree.leaves))
         self.steps = 0
-        way, arcs = self._look_ahead(self.run.state)
+        self._aim()
+        way, arcs, _ = self._look_ahead()
         if self.fluoroscope:
-            self.fluoroscope.move(self.run.state.phases)
-            self.fluoroscope.use(self.run.shape)
+            self.fluoroscope.move(self.states[0].phases)
+            self.fluoroscope.use(self.run.shapes[0])
             self.road_map = self.fluoroscope.road_map(way, arcs)
-        return self._observe(self.run.state), self._info()
+        return self._observe(), self._info()
+
+    def _aim(self):
+        """At the target that is next."""
+        self.target_mm = None
+        if self.task:
+            reached = sum(target["reached_s"] is not None for target in self.report["exercise"]["targets"])
+            self.target, self.target_mm = self.task.places[min(reached, len(self.task.places) - 1)]
 
     def step(self, action):
         action = np.clip(np.asarray(action, dtype=np.float64), -1, 1)
-        push_mm, turn_deg = action[:2] * self.scale
+        count = len(self.models)
+        moves = action[:2 * count].reshape(count, 2) * self.scale
         if self.holds_breath:
-            self.run.hold("breath", bool(action[2] > 0))
-        before_mm = self.left_mm
-        state = self.run.step(push_mm=float(push_mm), turn_deg=float(turn_deg), ms=self.ms)
+            self.run.hold("breath", bool(action[2 * count] > 0))
+        before_mm, before = self.left_mm, self.report
+        self.states = self.run.step(push_mm=moves[:, 0], turn_deg=moves[:, 1], ms=self.ms)
+        self.report = self.run.report()
         self.steps += 1
-        observation = self._observe(state)
-        is_there = bool(self.left_mm < self.REACHED_MM)
-        reward = before_mm - self.left_mm - self.PRICE + (self.BONUS if is_there else 0)
+        self._look_ahead()
+        reward = before_mm - self.left_mm - self.PRICE
+        if self.task:
+            now, then = self.report["exercise"], before["exercise"]
+            gained = sum(target["reached_s"] is not None for target in now["targets"]) - sum(target["reached_s"] is not None for target in then["targets"])
+            reward += self.BONUS * gained - ENTERED * (len(now["forbidden_entries"]) - len(then["forbidden_entries"]))
+            is_there = now["is_complete"]
+            self._aim()
+        else:
+            is_there = bool(self.left_mm < self.REACHED_MM)
+            reward += self.BONUS if is_there else 0
+        observation = self._observe()
         return observation, float(reward), is_there, self.steps >= self.max_steps, self._info()
 
-    def _look_ahead(self, state):
-        """The way to the target, and how far each of its points is."""
-        way = self.tree.way(state.branch, state.arc_length_mm, self.target)
-        arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
-        self.left_mm = float(arcs[-1])
-        return way, arcs
+    def _look_ahead(self):
+        """The way to the target from the tip nearest to it, how far each of its points is, and the state of that instrument."""
+        best = None
+        for state in self.states:
+            way = self.tree.way(state.branch, state.arc_length_mm, self.target, self.target_mm)
+            arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+            if best is None or arcs[-1] < best[1][-1]:
+                best = way, arcs, state
+        self.left_mm = float(best[1][-1])
+        return best
 
-    def _observe(self, state):
-        way, arcs = self._look_ahead(state)
+    def _observe(self):
+        way, arcs, state = self._look_ahead()
         if self.fluoroscope:
             self.fluoroscope.move(state.phases)
-            return np.stack([self.fluoroscope.picture(self.run.shape), self.road_map], axis=-1)
+            return np.stack([self.fluoroscope.picture(self.run.shapes), self.road_map], axis=-1)
         tip = np.array(state.tip_scan_mm)
         marks = AHEAD_MM * np.arange(1, AHEAD + 1)
         ahead = np.column_stack([np.interp(marks, arcs, way[:, axis]) for axis in range(3)]) - tip
-        turn = np.radians(state.rotation_deg)
-        values = [*tip, *state.tip_direction, *ahead.ravel(), self.left_mm, state.insertion_mm, np.cos(turn),
-                   np.sin(turn), state.force_N, 1000 * state.torque_Nm]
+        values = [*tip, *state.tip_direction, *ahead.ravel(), self.left_mm]
+        for hub in self.states:
+            turn = np.radians(hub.rotation_deg)
+            values += [hub.insertion_mm, np.cos(turn), np.sin(turn), hub.force_N, 1000 * hub.torque_Nm]
         if self.observes_phases:
             values += state.phases
         return np.array(values, dtype=np.float32)
 
     def _info(self):
-        info = {"target": self.target, "left_mm": self.left_mm}
+        info = {"target": self.target, "left_mm": self.left_mm, "report": self.report}
         if self.modes:
-            info["phases"] = dict(zip(self.modes, self.run.state.phases))
+            info["phases"] = dict(zip(self.modes, self.states[0].phases))
         return info
+
+    def render(self):
+        """(rows, columns, 3) uint8; None without a render_mode."""
+        if self.render_mode is None:
+            return None
+        if not self.fluoroscope:
+            place = self.tree.branches[self.target][-1] if self.target_mm is None else self.tree.place(self.target, self.target_mm)
+            return _drawn(self.tree, [self.run.nodes_mm(d) for d in range(len(self.models))], place)
+        picture = np.repeat(self.fluoroscope.picture(self.run.shapes)[..., None], 3, axis=-1)
+        way = self.road_map > 0
+        picture[way] = picture[way] // 2 + np.array([127, 104, 44], np.uint8)
+        return picture
+
+
+gymnasium.register(id="xraycast/ReachTarget-v0", entry_point="xraycast.gym:ReachTarget")

@@ -152,6 +152,12 @@ TEST_F(Cli, CastFollowsTheBody) {
   const Json circle = json_of("compare @/ct.nrrd @/circle.exr --views 2")["mean"];
   EXPECT_GT(body["psnr_db"], circle["psnr_db"]);
   EXPECT_THAT(keys_of(body), ElementsAre("psnr_db", "ssim", "rmse", "whole_psnr_db"));
+  // Another scan may have the same grid.
+  fs::copy(folder_ / "ct.nrrd", folder_ / "other.nrrd");
+  const Finished other = run("compare @/other.nrrd @/map.exr --views 1");
+  EXPECT_EQ(other.status, 0);
+  expect_one_line(other.err, "was cast from NRRD ");
+  EXPECT_THAT(other.err, HasSubstr("other.nrrd is the same scan"));
 
   const Json fractions = json_of("cast @/ct.nrrd -o @/map.exr --radii 0,0.5,1")["map"]["radii_mm"];
   EXPECT_NEAR(fractions[1], 0.5 * fractions[2].get<double>(), 1e-9);

@@ -6,6 +6,7 @@ processor and 1 GB. COUNT files in all; the share of each kind that is rejected 
 import collections
 import gzip
 import io
+import json
 import os
 import pathlib
 import random
@@ -19,6 +20,7 @@ import zlib
 
 PROGRAM, COUNT = sys.argv[1], int(sys.argv[2])
 FIRST_SEED = int(sys.argv[3]) if len(sys.argv) > 3 else 0
+C_ARM = pathlib.Path(__file__).resolve().parents[2] / "viewer/c_arms/mobile-intensifier.json"
 MOST_S, MOST_MB, MOST_LINE = 20, 1000, 500
 DONE, BAD_INPUT = 0, 3
 
@@ -38,11 +40,74 @@ VTI = """<VTKFile type="ImageData" byte_order="LittleEndian" header_type="UInt32
 <Piece Extent="0 7 0 5 0 3"><PointData Scalars="ct"><DataArray type="Int16" Name="ct" format="ascii">{}</DataArray>
 </PointData></Piece></ImageData></VTKFile>"""
 
+CAMERA_YAML = """%YAML:1.0
+---
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: {K}
+RT: !!opencv-matrix
+   rows: 3
+   cols: 4
+   dt: d
+   data: {RT}
+"""
+MOTION = """{"version": 1, "modes": [
+  {"name": "breath", "period_s": 4, "phases": [{"phase": 0}, {"phase": 1, "field": "field.nrrd"}]},
+  {"name": "heart", "waveform": [[0, 0], [0.8, 1], [1.7, 2]], "phases": [{"phase": 0}, {"phase": 0.35, "field": ["move.tfm"]}]}]}
+"""
+TRANSFORM = ("#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n"
+             "Parameters: 1 0.02 0 0 0.98 0.01 0.02 0 1.03 1 2 3\nFixedParameters: 1 2 3\n")
+FIELD = ("NRRD0004\ntype: float\ndimension: 4\nspace: left-posterior-superior\nsizes: 3 2 3 2\n"
+         "space directions: none (200,0,0) (0,120,0) (0,0,200)\nkinds: vector domain domain domain\n"
+         "encoding: raw\nendian: little\nspace origin: (-100,-120,-100)\n\n")
+OBJ = """# a tube of four corners, closed
+mtllib a.mtl
+v -4 -4 -40
+v 4 -4 -40
+v 4 4 -40
+v -4 4 -40
+v -4 -4 40
+v 4 -4 40
+v 4 4 40
+v -4 4 40
+vt 0 0
+f 1/1 4/1 3/1 2/1
+f 5 6 7 8
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f 4 1 5 8
+"""
+SWC = "# a tree\n1 2 0 0 0 3 -1\n2 2 0 0 10 2.5 1\n3 2 0 0 20 2 2\n4 2 5 0 30 1 3\n5 2 9 0 40 1 4\n6 2 -5 0 30 1 3\n"
+LINES = "branch,x_mm,y_mm,z_mm,radius\na,0,0,0,3\na,0,0,10,2\na,5,0,20,2\nb,0,0,0,3\nb,0,0,10,2\nb,-5,0,20,2\n"
+MARKUPS = """{"@schema": "v1.0.3", "markups": [{"type": "Curve", "name": "a", "coordinateSystem": "RAS", "coordinateUnits": "mm",
+ "controlPoints": [{"position": [0, 0, 0]}, {"position": [0, 0, 9], "positionStatus": "defined"}, {"position": [1, 0, 20]}],
+ "measurements": [{"name": "length"}, {"name": "radius", "controlPointValues": [3, 2, 1.5]}]}]}
+"""
+LINES_VTK = """# vtk DataFile Version 3.0
+SPACE=LPS
+ASCII
+DATASET POLYDATA
+POINTS 3 float
+0 0 0 0 0 10 8 0 20
+LINES 1 4
+3 0 1 2
+POINT_DATA 3
+SCALARS MaximumInscribedSphereRadius float
+LOOKUP_TABLE default
+3 2 1
+"""
+
 # The numbers at which sizes, counts and offsets overflow, and those that are none.
 WHOLE = [0, 1, -1, 2, 7, 127, 255, 256, 32767, 65535, 65536, 2**31 - 1, 2**31, 2**32 - 1, 2**32, 2**62, 2**63 - 1]
 NUMBERS = [str(number) for number in WHOLE] + ["-0", "0.5", "1e-30", "1e30", "1e308", "-1e308", "1e999", "nan", "inf", "-inf", "", "x"]
 
 SCAN = ["info F", "convert F -o out.nrrd", "project F --size 24x24 -o out.nrrd", "cast F --layers 2 --angles 24 -o out.exr"]
+MOVED = ["convert ct.nrrd --motion motion.json --phase breath=1 --phase heart=0.2 -o out.nrrd"]
+VESSELS = ["vessels F --triangles 400 -o out"]
+REGISTER = "register ct.nrrd xray.dcm --search 0,0 -o out.json"
 MAP = ["render F --size 24x24 -o out.png", "export F -o out.html"]
 SURFACE = ["render map.exr --size 24x24 --look surface --vessels F -o out.png"]
 TREES = ["simulate F --device-model short.json --script push.csv -o out.csv"]
@@ -61,6 +126,17 @@ KINDS = {
     "spectrum": ("beam.txt", ["cast ct.nrrd --opacity spectrum:F --angles 24 -o out.exr"]),
     "centre line": ("line.csv", ["cast ct.nrrd --centre-line F --angles 24 -o out.exr"]),
     "catheter": ("catheter.csv", ["render map.exr --size 24x24 --catheter F -o out.png"]),
+    "Genesis": ("genesis/2.fro", [command.replace("F", "genesis") for command in SCAN]),
+    "map that moves": ("moving.exr", ["render F --size 24x24 --phase breath=0.5 -o out.png"]),
+    "basis of that": ("moving.basis", ["recast F --opacity bilinear -o out.exr"]),
+    "motion": ("motion.json", MOVED), "field": ("field.nrrd", MOVED), "transform": ("move.tfm", MOVED),
+    "surface OBJ": ("tube.obj", VESSELS + SURFACE), "centrelines SWC": ("lines.swc", VESSELS),
+    "centrelines CSV": ("lines.csv", VESSELS), "markups": ("lines.mrk.json", VESSELS),
+    "centrelines VTK": ("lines.vtk", VESSELS), "mask as vessels": ("mask.nrrd", VESSELS),
+    "C-arm": ("arm.json", ["render map.exr --c-arm F --size 24x24 -o out.png"]),
+    "X-ray": ("xray.dcm", [REGISTER]), "X-ray as PNG": ("xray.png", [REGISTER.replace(".dcm", ".png") + " --camera camera.json"]),
+    "camera": ("camera.json", [REGISTER + " --camera F"]), "camera YAML": ("camera.yml", [REGISTER + " --camera F"]),
+    "start": ("pose.json", [REGISTER + " --start F"]),
     "mask": ("mask.nrrd", ["segment ct.nrrd --from-mask F --surface tubes -o out"]),
 }
 
@@ -75,24 +151,60 @@ def run(words):
     return process.returncode, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1000, err
 
 
+# Where a slice's image header begins, and the fields that are read of it; of version 3.
+GENESIS_HEADER, GENESIS_PIXELS = 2394, 3416
+GENESIS_FIELDS = [(GENESIS_HEADER + at, ">f") for at in (26, 50, 54, 126, 130, 134)]
+
+
+def genesis_slice(location_mm, noise):
+    """Of 12 x 10 pixels of 80 to 130 HU."""
+    content = bytearray(GENESIS_PIXELS)
+    struct.pack_into(">4s5i", content, 0, b"IMGF", GENESIS_PIXELS, 12, 10, 16, 1)
+    struct.pack_into(">h", content, 52, 3)
+    struct.pack_into(">i", content, 148, GENESIS_HEADER)
+    for (at, form), value in zip(GENESIS_FIELDS, (4, 2, 2, location_mm, 20, 30)):
+        struct.pack_into(form, content, at, value)
+    return bytes(content) + b"".join(struct.pack(">H", noise.randint(1104, 1154)) for _ in range(12 * 10))
+
+
+def make_motion():
+    pathlib.Path("motion.json").write_text(MOTION)
+    pathlib.Path("move.tfm").write_text(TRANSFORM)
+    noise = random.Random(2)
+    vectors = b"".join(struct.pack("<3f", noise.uniform(-9, 9), noise.uniform(-9, 9), noise.uniform(-20, 20)) for _ in range(12))
+    pathlib.Path("field.nrrd").write_bytes(FIELD.encode() + vectors)
+
+
 def make_inputs():
+    make_motion()
     for words in ("phantom cylinder --size 12x12x10 -o ct.nrrd", "convert ct.nrrd -o ct.nii", "convert ct.nrrd -o ct.nii.gz",
                   "convert ct.nrrd -o ct.mha", "convert ct.nrrd -o two.mhd", "convert ct.nrrd -o series",
-                  "cast ct.nrrd --layers 2 --angles 24 -o map.exr --keep-basis ct.basis"):
+                  "cast ct.nrrd --layers 2 --angles 24 -o map.exr --keep-basis ct.basis",
+                  "project ct.nrrd --size 48x48 --cone 1000,1500 -o xray.dcm",
+                  "project ct.nrrd --size 48x48 --cone 1000,1500 -o xray.png", "register ct.nrrd xray.dcm --search 0,0 -o pose.json",
+                  "cast ct.nrrd --layers 2 --angles 24 --motion motion.json -o moving.exr --keep-basis moving.basis"):
         status, _, _, err = run(words)
         assert status == DONE, f"{words}: {err}"
     pathlib.Path("slice.dcm").write_bytes(pathlib.Path("series/slice-0002.dcm").read_bytes())
     with zipfile.ZipFile("ct.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(pathlib.Path("series").iterdir()):
             archive.write(file)
-    noise = random.Random(1)
-    texts = {"tree.json": TREE, "push.csv": SCRIPT, "short.json": INSTRUMENT, "session.json": SESSION, "bone.json": OPACITY,
+    noise, pose = random.Random(1), json.loads(pathlib.Path("pose.json").read_text())["poses"][0]
+    camera = {key: pose[key] for key in ("K", "RT")}
+    texts = {"camera.json": json.dumps(camera),
+             "camera.yml": CAMERA_YAML.format(**{key: sum(rows, []) for key, rows in camera.items()}),
+             "tree.json": TREE, "push.csv": SCRIPT, "short.json": INSTRUMENT, "session.json": SESSION, "bone.json": OPACITY,
              "beam.txt": "# keV, photons\n20 0.5\n40 1\n60 2.25\n80 0.1\n",
+             "tube.obj": OBJ, "lines.swc": SWC, "lines.csv": LINES, "lines.mrk.json": MARKUPS, "lines.vtk": LINES_VTK,
+             "arm.json": re.sub(r'"sources": \{.*?\},', "", C_ARM.read_text(), flags=re.S),
              "line.csv": "x,y,z\n0,0,-30\n1,2,0\n-1.5,2,30\n",
              "catheter.csv": "x,y,z\n0,0,-30\n1,2,-10\n1,2,10\n-1.5,2,30\n",
              "ct.vti": VTI.format(" ".join(str(noise.randint(-1000, 1000)) for _ in range(8 * 6 * 4)))}
     for name, text in texts.items():
         pathlib.Path(name).write_text(text)
+    pathlib.Path("genesis").mkdir()
+    for slice_ in range(4):
+        pathlib.Path(f"genesis/{slice_}.fro").write_bytes(genesis_slice(4.0 * slice_, noise))
     header, voxels = pathlib.Path("ct.nrrd").read_bytes().split(b"\n\n", 1)
     mask = bytearray(12 * 12 * 10)
     for z in range(1, 9):
@@ -168,22 +280,101 @@ def with_checksums(basis):
     return bytes(content)
 
 
+NUMBER = rb"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+
+
+def nearby(number, chance):
+    """Another one of as many characters."""
+    size = len(number)
+    value = chance.choice([1.01, 0.99, 1.3, 0.7, 2, 0.5, -1]) * float(number) + chance.choice([0, 0, 0, 1, -1])
+    text = next((text for digits in (9, 5, 3, 1) if len(text := f"{value:.{digits}g}") <= size), "9" * size)
+    return text.encode().ljust(size)
+
+
+def with_other_numbers(content, chance, within):
+    """One or two of the numbers in the last group of `within` are others: in all places where what it matches is repeated."""
+    for _ in range(chance.choice([1, 1, 2])):
+        match = chance.choice([match for match in re.finditer(within, content) if re.search(NUMBER, match[2])])
+        number = chance.choice(list(re.finditer(NUMBER, match[2])))
+        text = match[2][:number.start()] + nearby(number.group(), chance) + match[2][number.end():]
+        content = content.replace(match[0], match[1] + text)
+    return content
+
+
+def with_other_attributes(map_file, chance):
+    """Of an OpenEXR file, texts of xraycast's."""
+    return with_other_numbers(map_file, chance, rb"(xraycast:\w+\0string\0(?s:.{4}))([^\0]*?)(?=xraycast:|\0)")
+
+
+def with_other_weights(basis, chance):
+    """Bytes behind the header, or numbers of it."""
+    if chance.random() < 0.3:
+        return with_checksums(with_other_numbers(basis, chance, rb"(HEAD(?s:.{8}))([^\0]*)(?=OUTL)"))
+    content, begin = bytearray(basis), 24 + int.from_bytes(basis[16:24], "little") + 4 + 12
+    for _ in range(chance.choice([1, 4, 30])):
+        content[chance.randrange(begin, len(content))] ^= 1 << chance.randrange(8)
+    return with_checksums(content)
+
+
+def with_other_fields(genesis, chance):
+    """Fields that a Genesis file's reader looks at, and pixels."""
+    content = bytearray(genesis)
+    for _ in range(chance.choice([1, 1, 2])):
+        at, form = chance.choice([*GENESIS_FIELDS, *[(chance.randrange(3416, len(content) - 1), ">H")] * len(GENESIS_FIELDS)])
+        old, = struct.unpack_from(form, content, at)
+        new = chance.choice([1.01 * old, 0.99 * old, old + 1, old - 1, 1.5 * old, 0, -old] if form == ">f" else
+                            [max(0, old + chance.choice([-1, 1, 2, -300, 300])) & 0x7fff])
+        struct.pack_into(form, content, at, new)
+    return bytes(content)
+
+
+def with_other_pixels(png, chance):
+    """A PNG whose checksums are right: with other numbers in its header, or other bytes behind it."""
+    def chunk(kind, content):
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    header = bytearray(png[16:29])
+    at, pixels = 33, b""
+    while at + 12 <= len(png):
+        size, = struct.unpack_from(">I", png, at)
+        pixels += png[at + 8:at + 8 + size] * (png[at + 4:at + 8] == b"IDAT")
+        at += 12 + size
+    rows = bytearray(zlib.decompress(pixels))
+    for _ in range(chance.choice([1, 4, 30])):
+        rows[chance.randrange(len(rows))] ^= 1 << chance.randrange(8)
+    if chance.random() < 0.3:
+        header[chance.randrange(len(header))] ^= 1 << chance.randrange(8)
+    return png[:8] + chunk(b"IHDR", bytes(header)) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
+def in_an_archive(packed, chance, others):
+    """One of its files is a mutated one."""
+    changed_file = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(packed)) as archive, zipfile.ZipFile(changed_file, "w") as changed:
+        one = chance.choice(archive.namelist())
+        for member in archive.namelist():
+            content = archive.read(member)
+            changed.writestr(member, mutated(content, others, chance) if member == one else content)
+    return changed_file.getvalue()
+
+
 def mutated_within(name, whole, others, chance):
-    """The same behind packing and checksums, which chance alone does not meet: in three of four files."""
+    """The same behind packing and checksums, and changes that leave a file one of its kind, which chance alone does not make:
+    in three of four files."""
     if chance.random() < 0.25:
         return mutated(whole, others, chance)
     if name == "NIfTI gzipped":
         return gzip.compress(mutated(gzip.decompress(whole), others, chance), mtime=0)
-    if name == "basis":
-        return with_checksums(mutated(whole, others, chance))
+    if name in ("map", "map that moves"):
+        return with_other_attributes(whole, chance)
+    if name in ("basis", "basis of that"):
+        return with_other_weights(whole, chance)
+    if name == "Genesis":
+        return with_other_fields(whole, chance)
+    if name == "X-ray as PNG":
+        return with_other_pixels(whole, chance)
     if name == "zip":
-        packed = io.BytesIO()
-        with zipfile.ZipFile(io.BytesIO(whole)) as archive, zipfile.ZipFile(packed, "w") as changed:
-            one = chance.choice(archive.namelist())
-            for member in archive.namelist():
-                content = archive.read(member)
-                changed.writestr(member, mutated(content, others, chance) if member == one else content)
-        return packed.getvalue()
+        return in_an_archive(whole, chance, others)
     return mutated(whole, others, chance)
 
 
@@ -204,28 +395,31 @@ def main():
     make_inputs()
     wholes = {name: pathlib.Path(file).read_bytes() for name, (file, _) in KINDS.items()}
     assert all(len(whole) < 1_000_000 for whole in wholes.values())
-    statuses, worst, bad = collections.defaultdict(collections.Counter), [0, 0, 0], []
+    statuses, bad = collections.defaultdict(collections.Counter), []
+    worst = [(0, ""), (0, ""), (0, "")]
+    # Those of a second each come less often.
+    names = [name for name, (_, commands) in KINDS.items() for _ in range(1 if VESSELS[0] in commands else 6)]
     for file, commands in KINDS.values():
         status, _, _, err = run(commands[0].replace("F", file))
         assert status == DONE, f"the whole {file} is refused: {err}"
     for seed in range(FIRST_SEED, FIRST_SEED + COUNT):
         chance = random.Random(seed)
-        name = list(KINDS)[seed % len(KINDS)]
+        name = names[seed % len(names)]
         file, commands = KINDS[name]
         pathlib.Path(file).write_bytes(mutated_within(name, wholes[name], list(wholes.values()), chance))
         words = re.sub(r"\bF\b", file, chance.choice(commands))
         status, took_s, memory_MB, err = run(words)
         pathlib.Path(file).write_bytes(wholes[name])
         statuses[name][status] += 1
-        worst = [max(pair) for pair in zip(worst, (took_s, memory_MB, len(err)))]
+        worst = [max(pair) for pair in zip(worst, ((took_s, words), (memory_MB, words), (len(err), words)))]
         if faults := ", ".join(faults_of(status, took_s, memory_MB, err)):
             bad.append(f"seed {seed}: {words}: {faults}: {err.strip()[:600]}")
             print(bad[-1], flush=True)
     for name, counts in statuses.items():
         print(f"{name}: {counts[BAD_INPUT]} of {counts.total()} rejected, {counts[DONE]} read")
     total = sum((counts for counts in statuses.values()), collections.Counter())
-    print(f"{total.total()} files: {total[BAD_INPUT]} rejected, {total[DONE]} read; at most {worst[0]:.1f} s, {worst[1]:.0f} MB, "
-          f"{worst[2]} characters")
+    print(f"{total.total()} files: {total[BAD_INPUT]} rejected, {total[DONE]} read; at most {worst[0][0]:.1f} s "
+          f"({worst[0][1]}), {worst[1][0]:.0f} MB ({worst[1][1]}), {worst[2][0]} characters")
     sys.exit(len(bad) > 0)
 
 

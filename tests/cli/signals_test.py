@@ -28,10 +28,23 @@ COMMANDS = {
     "cine": "render map.exr --cine 0:360:4 -o out/turn.gif",
     "segment": "segment ct.nrrd -o out/vessels --explain out/steps",
     "evidence": "segment angiogram.nrrd -o out/vessels",
+    "vessels": "vessels truth/surface.vtp --like ct.nrrd -o out/vessels",
+    "motion": "motion ct.nrrd --breath 12 --heart -o out/motion",
+    "phases": "motion ct.nrrd inhaled.nrrd --at 1 -o out/motion",
+    "moving": "cast ct.nrrd --layers 8 --angles 180 --motion motion/motion.json --keys breath=3 -o out/map.exr --preview out/map.png",
+    "register": "register ct.nrrd xray.dcm --search 15,40 -o out/pose.json --overlay out/fits.png",
     "vesselness": "vesselness ct.nrrd -o out/v.nrrd",
     "simulate": "simulate tree.json --device-model cobra-5f --script push.csv -o out/log.csv --map map.exr --cine out/c.gif",
     "export": "export map.exr -o out/page.html",
     "demo": "demo -o out",
+}
+
+# What only some of them read, by how its name begins.
+INPUTS = {
+    "truth/": "phantom thorax --size {size} -o other.nrrd --truth truth",
+    "motion/": "phantom thorax --size {size} -o other.nrrd --motion motion",
+    "inhaled.nrrd": "phantom thorax --size {size} -o inhaled.nrrd --phase breath=1",
+    "xray.dcm": "project ct.nrrd --size 256x256 --cone 1000,1500 -o xray.dcm",
 }
 
 
@@ -79,6 +92,9 @@ class Signals(unittest.TestCase):
         return subprocess.Popen([PROGRAM, *words, "--quiet"], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
 
     def interrupt(self, name):
+        for begin, command in INPUTS.items():
+            if any(word.startswith(begin) for word in COMMANDS[name].split()):
+                run(command.format(size=self.size))
         begin = time.monotonic()
         process = self.start(name)
         _, err = process.communicate()

@@ -68,6 +68,58 @@ TEST_F(SimulateCommand, SaysTheNamesOfVessels) {
               HasSubstr("it has aorta, left iliac artery, right iliac artery"));
 }
 
+TEST_F(SimulateCommand, FollowsAnExercise) {
+  make_push_and_tree(folder_);
+  const auto write_exercise = [&](const std::string& targets) {
+    write_bytes(
+        folder_ / "exercise.json",
+        R"({"title": "Up", "task": "Go up.", "instruments": ["microcatheter-27f"], "reference": "push.csv",
+                    "limits": {"force_N": 3}, "targets": )" +
+            targets + "}");
+  };
+  write_exercise(R"([{"name": "half way", "at_mm": [0, 0, 10]}, {"at_mm": [0, 0, 90]}])");
+  const std::string line = "simulate @/tree.json --exercise @/exercise.json -o @/log.csv --report @/report";
+  const Json report = json_of(line + ".json")["report"];
+  EXPECT_FALSE(report["exercise"]["is_complete"]);
+  EXPECT_NEAR(report["exercise"]["targets"][0]["reached_s"], 0.15, 0.05);
+  EXPECT_EQ(report["exercise"]["targets"][1]["reached_s"], nullptr);
+  EXPECT_NEAR(report["instruments"][0]["tip_path_mm"], 20, 1);
+  EXPECT_FALSE(report.contains("fluoroscopy_s"));
+  Json saved = Json::parse(read_bytes(folder_ / "report.json"));
+  EXPECT_EQ(saved["name"], "log");
+  EXPECT_EQ(saved["exercise"], report["exercise"]);
+  EXPECT_GT(saved["series"]["time_s"].size(), 4);
+  EXPECT_THAT(output_of(line + ".csv"), HasSubstr("Up: not complete; half way after 0.1"));
+  EXPECT_THAT(read_bytes(folder_ / "report.csv"), StartsWith("run,exercise,is_complete,is_passed,time_s,"));
+  output_of(line + ".html");
+  EXPECT_THAT(read_bytes(folder_ / "report.html"), HasSubstr("data:image/png;base64,"));
+
+  EXPECT_THAT(run(line + ".txt").err, HasSubstr("report.txt: must end in .html"));
+  EXPECT_THAT(run(line + ".json --device-model guidewire-014-angled").err,
+              HasSubstr("is not allowed in the exercise \"Up\"; take microcatheter-27f"));
+  write_exercise(R"([{"at_mm": [0, 0, 190]}])");
+  const Finished outside = run(line + ".json");
+  EXPECT_EQ(outside.status, 3);
+  expect_one_line(outside.err, "mm outside the vessels");
+  EXPECT_EQ(run("simulate @/tree.json -o @/log.csv --script @/push.csv").status, 2);
+}
+
+TEST_F(SimulateCommand, LaysReportsSideBySide) {
+  make_push_and_tree(folder_);
+  const std::string line = "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv ";
+  for (const std::string run : {"a", "b", "best"})
+    output_of(line + "-o @/" + run + ".csv --report @/" + run + ".json");
+  EXPECT_EQ(json_of("report @/a.json @/b.json --reference @/best.json -o @/all.html")["runs"], 2);
+  EXPECT_THAT(read_bytes(folder_ / "all.html"), HasSubstr("<th>best (reference)</th><th>a</th><th>b</th>"));
+  output_of("report @/a.json @/b.json -o @/all.json");
+  EXPECT_EQ(json_of("report @/all.json @/best.json -o @/all.csv")["runs"], 3);
+  EXPECT_EQ(std::ranges::count(read_bytes(folder_ / "all.csv"), '\n'), 4);
+  EXPECT_EQ(run("report @/push.csv -o @/all.csv").status, 3);
+  EXPECT_THAT(run("report @/a.json -o @/all.pdf").err, HasSubstr("must end in .html"));
+  EXPECT_THAT(run("report @/a.json --reference @/all.json -o @/all.csv").err,
+              HasSubstr("has 2 runs; give one"));
+}
+
 TEST_F(SimulateCommand, DrawsTwoInstrumentsInARunsCine) {
   // Wider than the little tree: a wire of 0.36 mm is less than a pixel and may lie between two.
   write_bytes(folder_ / "tree.json",

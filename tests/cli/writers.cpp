@@ -46,6 +46,11 @@ constexpr Writer kWriters[] = {
     {"ProjectDicom", "project @/ct.nrrd --size 48x48 --cone 900,1200 -o @/out/p.dcm"},
     {"Segment", "segment @/ct.nrrd -o @/out --from-mask @/mask.nrrd --surface tubes"},
     {"SegmentSeries", "segment @/series -o @/out --from-mask @/mask.nrrd --surface tubes"},
+    {"Vessels", "vessels @/mask.nrrd -o @/out --triangles 400"},
+    {"PhantomMotion", "phantom head --spacing 16 -o @/out/ct.nrrd --motion @/out/motion"},
+    {"CastMoving",
+     "cast @/ct.nrrd --layers 2 --angles 60 --motion @/motion.json -o @/out/map.exr --keep-basis @/out/b -q"},
+    {"Register", "register @/ct.nrrd @/xray.dcm --search 0,0 -o @/out/pose.json --overlay @/out/fits.png"},
     {"Render", "render @/map.exr --size 48x48 -o @/out/f.png"},
     {"RenderJpeg", "render @/map.exr --size 48x48 -o @/out/f.jpg"},
     {"RenderHdr", "render @/map.exr --size 48x48 -o @/out/f.hdr"},
@@ -137,6 +142,14 @@ void CliOutput::make_inputs() const {
   std::string script = "time_s,insertion_mm,rotation_deg\n";
   for (int i = 0; i < 300; ++i) script += fmt::format("{},{},0\n", 0.001 * i, 0.01 * i);
   write_bytes(folder_ / "push.csv", script);
+  write_bytes(folder_ / "move.tfm",
+              "#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n"
+              "Parameters: 1 0 0 0 1 0 0 0 1.1 0 0 4\nFixedParameters: 0 0 0\n");
+  write_bytes(folder_ / "motion.json",
+              R"({"version": 1, "modes": [{"name": "breath", "period_s": 4,
+ "phases": [{"phase": 0}, {"phase": 1, "field": "move.tfm"}]}]})");
+  const Finished xray = run("project @/ct.nrrd --size 48x48 --cone 900,1200 -o @/xray.dcm");
+  ASSERT_EQ(xray.status, 0) << xray.err;
   fs::create_directory(folder_ / "out");
 }
 
@@ -198,10 +211,11 @@ void EveryWriter::expect_failure(const Command& on_full_disk, const std::string&
 bool EveryWriter::is_whole(const std::string& name, std::uintmax_t size_B) const {
   // Hashes do not tell: EXR and TIFF files hold the second in which they were written. UIDs, of which a DICOM
   // file has a few, are numbers of different lengths.
+  // A pose's seconds are, too.
   constexpr std::uintmax_t kUids_B = 32;
   const auto whole = whole_.find(name);
   if (whole == whole_.end()) return false;
-  const std::uintmax_t slack_B = name.ends_with(".dcm") ? kUids_B : 0;
+  const std::uintmax_t slack_B = name.ends_with(".dcm") || name == "pose.json" ? kUids_B : 0;
   return size_B + slack_B >= whole->second && size_B <= whole->second + slack_B;
 }
 

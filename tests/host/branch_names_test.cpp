@@ -139,6 +139,7 @@ TEST(BranchNames, WhatLinesToSeveralVesselsShareHasNone) {
 TEST(BranchNames, AreShortenedBetweenLettersWhereOthersGaveThem) {
   EXPECT_EQ(vessel_name_of(" aorta\n"), "aorta");
   EXPECT_EQ(vessel_name_of("12"), "");
+  EXPECT_EQ(vessel_name_of("主动脉"), "主动脉");
   EXPECT_EQ(vessel_name_of(std::string(79, 'a') + "ü"), std::string(79, 'a'));
 }
 

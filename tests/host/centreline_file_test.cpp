@@ -220,6 +220,7 @@ TEST(CentrelineFiles, OptionsAreChecked) {
   EXPECT_THROW(read("a.swc", kSwc, {PatientFrame::lps, 0}), InputError);
   EXPECT_THROW(read("a.swc", kSwc, {PatientFrame::lps, NAN}), InputError);
   EXPECT_THROW(read("a.swc", kSwc, {PatientFrame::lps, 1, -1.0}), InputError);
+  EXPECT_THROW(read("a.swc", kSwc, {PatientFrame::lps, 1, 2.0}), InputError);  // which has its radii
 }
 
 }  // namespace

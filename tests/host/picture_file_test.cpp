@@ -107,5 +107,38 @@ TEST(PictureFile, OfPngMakesTheSameBytesInMemory) {
   }
 }
 
+TEST(PictureFile, OfPngHasTheSameGreysAsOfOtherFormats) {
+  const TemporaryFolder folder;
+  for (const int channels : {1, 3}) {
+    for (const char* name : {"p.png", "p.tif"})
+      write_picture(smooth_picture(channels), kWidth, kHeight, channels, folder / name);
+    const FloatPicture png = read_grey_picture(folder / "p.png"), tiff = read_grey_picture(folder / "p.tif");
+    EXPECT_EQ(png.width, kWidth);
+    EXPECT_EQ(png.height, kHeight);
+    EXPECT_FALSE(png.has_next);
+    // OpenImageIO's mean is one of shares of the largest.
+    EXPECT_THAT(png.grey, testing::Pointwise(testing::FloatNear(1e-3F), tiff.grey));
+  }
+}
+
+TEST(PictureFile, OfPngThatIsDamagedIsRefusedWithoutAWordOfTheLibrarys) {
+  const TemporaryFolder folder;
+  const std::string whole = png_bytes(smooth_picture(1), kWidth, kHeight, 1);
+  std::string flipped = whole, wide = whole;
+  flipped[whole.size() / 2] ^= 0x10;
+  wide[17] = '\1';  // its width, above 65536
+  for (const std::string& bytes : {flipped, wide, whole.substr(0, whole.size() / 2), whole.substr(0, 4)}) {
+    write_whole_file(folder / "p.png", bytes);
+    testing::internal::CaptureStderr();
+    try {
+      read_grey_picture(folder / "p.png");
+      FAIL() << "read";
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), testing::StartsWith((folder / "p.png").string() + ": could not be read: "));
+    }
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  }
+}
+
 }  // namespace
 }  // namespace xraycast::picture_file_test

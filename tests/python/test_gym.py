@@ -26,6 +26,68 @@ def test_gymnasium_accepts_it(fork):
     check_env(ReachTarget(fork, "guidewire-035-j", max_steps=50), skip_render_check=True)
 
 
+@pytest.mark.filterwarnings("error")
+def test_gymnasium_makes_it_without_a_warning(fork):
+    env = gymnasium.make("xraycast/ReachTarget-v0", tree=str(fork), model="guidewire-035-j", max_steps=50, render_mode="rgb_array",
+                         disable_env_checker=True)
+    check_env(env.unwrapped)
+    env.reset(seed=1)
+    picture = env.render()
+    assert picture.dtype == np.uint8 and picture.shape[2] == 3
+    for colour in (90, 96, 104), (255, 209, 89), (255, 255, 255):  # vessels, the target, and the wire
+        assert (picture == colour).all(axis=-1).sum() > 5, colour
+
+
+def test_info_has_the_figures_of_the_run(fork):
+    env = ReachTarget(fork, target=1, devices=["microcatheter-27f", "guidewire-014-straight"])
+    observation, info = env.reset(seed=1)
+    assert env.action_space.shape == (4,) and observation.shape == (41,) and info["report"]["time_s"] == 0
+    for _ in range(20):
+        observation, _, _, _, info = env.step([1, 0, 1, 0.5])
+    wire = info["report"]["instruments"][1]
+    assert info["report"]["time_s"] == pytest.approx(0.2) and wire["name"] == "guidewire-014-straight"
+    assert wire["tip_path_mm"] == pytest.approx(40, abs=2) and wire["turned_deg"] == pytest.approx(100)
+    assert observation[31] == pytest.approx(40) and observation[36] == pytest.approx(40)  # how far both are inserted
+    assert "exercise" not in info["report"]
+
+
+@pytest.fixture
+def task(tmp_path):
+    """Up the stem, and into one of the arms."""
+    file = tmp_path / "task.json"
+    file.write_text(json.dumps({"title": "Arm", "task": "Go.", "instruments": ["guidewire-035-angled"], "entry": [0, 0, 0],
+                                "targets": [{"at_mm": [0, 0, 60], "radius_mm": 8}, {"vessel": 1, "depth_mm": 10}], "forbidden": [2]}))
+    return file
+
+
+def test_an_exercise_has_its_own_targets(fork, task):
+    env = ReachTarget(fork, exercise=task)
+    _, info = env.reset(seed=1)
+    assert info["target"] == 0 and info["left_mm"] == pytest.approx(60, abs=1)
+    rewards, ended = [], False
+    for k in range(300):
+        _, reward, ended, _, info = env.step([0.5, 0.2])
+        rewards.append(reward)
+        if ended or info["report"]["exercise"]["forbidden_entries"]:
+            break
+    exercise = info["report"]["exercise"]
+    assert sum(reward > 90 for reward in rewards) == sum(t["reached_s"] is not None for t in exercise["targets"]) >= 1
+    assert ended == exercise["is_complete"] and (ended or min(rewards) < -15)
+    with pytest.raises(xc.InputError, match="the exercise has its own"):
+        ReachTarget(fork, exercise=task, target=1)
+    with pytest.raises(xc.InputError, match="not allowed in the exercise"):
+        ReachTarget(fork, exercise=task, devices=["microcatheter-27f"]).reset()
+
+
+def test_places_of_targets_are_those_of_the_program(fork):
+    tree = _Tree(xc.VesselTree.read(fork))
+    assert tree.at_depth([1], 10) == (1, 16)  # the stem's radius is 6 mm
+    assert tree.at_depth([0, 1], 110) == (1, 10)
+    assert tree.nearest([0, 0, 61]) == (0, 60)
+    way = tree.way(1, 30, 0, 40)
+    assert np.linalg.norm(np.diff(way, axis=0), axis=1).sum() == pytest.approx(90) and way[-1][2] == 40
+
+
 def test_ways_follow_the_tree(fork):
     tree = _Tree(xc.VesselTree.read(fork))
     length = lambda way: np.linalg.norm(np.diff(way, axis=0), axis=1).sum()  # noqa: E731

@@ -92,10 +92,51 @@ def test_exports_a_page_that_steers(tree, small_map, tmp_path):
     assert [choice["name"] for choice in header["trainer"]["choices"]] == ["microcatheter-27f", "microcatheter-24f"]
     assert header["trainer"]["used"] == [0] and header["live"]["has_hub"]
     for wrong, words in [({"live": ["microcatheter-27f"]}, "live: steers in a tree"),
-                         ({"devices": ["microcatheter-27f"]}, "devices, entry: without live"),
+                         ({"devices": ["microcatheter-27f"]}, "devices, entry, exercise: without live"),
                          ({"vessels": tree, "live": "microcatheter-27f"}, "live: must be a list")]:
         with pytest.raises(xc.InputError, match=words):
             xc.export(small_map, page, **wrong)
+
+
+@pytest.fixture
+def task(tmp_path):
+    file = tmp_path / "task.json"
+    file.write_text(json.dumps({"title": "Up", "task": "Go up.", "instruments": ["microcatheter-27f"], "entry": [0, 0, -90],
+                                "targets": [{"at_mm": [0, 0, -75]}, {"at_mm": [0, 0, 80]}], "limits": {"force_N": 3}}))
+    return file
+
+
+def test_a_run_has_a_report(tree, task, tmp_path):
+    run = xc.simulate(tree, ["microcatheter-27f"], [(0, 0, 0), (0.5, 30, 90)], exercise=task)
+    report = run.report(tmp_path / "run.json")
+    assert report["instruments"][0]["tip_path_mm"] == pytest.approx(30, abs=1) and report["time_s"] == pytest.approx(0.5)
+    assert [target["reached_s"] is None for target in report["exercise"]["targets"]] == [False, True]
+    assert "fluoroscopy_s" not in report and len(report["series"]["time_s"]) == 3
+    assert json.loads((tmp_path / "run.json").read_text())["exercise"] == report["exercise"]
+    run.report(tmp_path / "run.html")
+    with pytest.raises(xc.InputError, match="must end in .html"):
+        run.report(tmp_path / "run.txt")
+    with pytest.raises(xc.InputError, match="not allowed in the exercise"):
+        xc.simulate(tree, ["cobra-5f"], [(0, 0, 0)], exercise=task)
+
+
+def test_steps_have_the_same_report(tree, task):
+    catheter = xc.Catheter(tree, "microcatheter-27f", exercise=task)
+    catheter.step(push_mm=30, turn_deg=90, ms=500)
+    report = xc.simulate(tree, ["microcatheter-27f"], [(0, 0, 0), (0.5, 30, 90)], exercise=task).report()
+    now = catheter.report(series=True)
+    assert now["exercise"] == report["exercise"] and now["instruments"][0]["reversals"] == report["instruments"][0]["reversals"]
+    assert now["instruments"][0]["tip_path_mm"] == pytest.approx(report["instruments"][0]["tip_path_mm"], abs=1e-6)
+    assert "series" in now and "series" not in catheter.report()
+
+
+def test_exports_exercises(tree, small_map, task, tmp_path):
+    page = tmp_path / "page.html"
+    xc.export(small_map, page, vessels=tree, live=["microcatheter-27f"], exercise=[task])
+    exercise, = header_of(page)["trainer"]["exercises"]
+    assert exercise["title"] == "Up" and exercise["used"] == [0] and exercise["targets"][1]["at_mm"] == [0, 0, 80]
+    with pytest.raises(xc.InputError, match="exercise: without live"):
+        xc.export(small_map, page, vessels=tree, exercise=[task])
 
 
 def test_exports_a_map_that_moves(tree, tmp_path):

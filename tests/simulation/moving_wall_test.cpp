@@ -206,6 +206,29 @@ TEST(MovingWall, EndsAsAWallThatWasAlwaysThere) {
   EXPECT_GT(there.tip_mm().y(), -0.3);  // lifted by 2 mm
 }
 
+TEST(MovingWall, IsAsDeepAtEachInstantAsItWouldBeSampledAnew) {
+  // The rod is lifted, falls and hardly touches the wall again and again.
+  const LumenDistanceField tube(straight_tube(200, 3));
+  LyingRod lifted(3, motion_by(shift_by({0.5, 3, 0})), 0);
+  double worst_mm = 0;
+  std::size_t touching = 0;
+  for (int i = 1; i <= 3000; ++i) {
+    lifted.step(phase_at(i * kStep_s, 0.4));
+    if (i < 20) continue;  // its change is not known yet
+    for (const auto& contact : lifted.wall.contacts()) {
+      const MovingBody::Place place = lifted.body->place(contact.point.position_mm(lifted.rod->state()));
+      const Vector3d in_scan_mm(place.scan_mm.data());
+      const double clearance_mm = tube.at(in_scan_mm, contact.sample.hint).clearance_mm;
+      const double depth_mm = std::max(0.0, LyingRod::kRadius_mm - clearance_mm);
+      touching += depth_mm > 0;
+      worst_mm = std::max(worst_mm, std::abs(depth_mm - contact.depth_mm));
+    }
+  }
+  EXPECT_GT(touching, 10'000U);
+  // Between look-ups the wall's place goes on by its speed and its change.
+  EXPECT_LT(worst_mm, 2e-3);
+}
+
 TEST(MovingWall, OfATubeThatIsHeldNarrowerIsThatOfANarrowerTube) {
   constexpr double kNarrower = 1.25;  // shows at x what lies at 1.25 x
   const glm::dmat3 squeeze{kNarrower, 0, 0, 0, kNarrower, 0, 0, 0, 1};

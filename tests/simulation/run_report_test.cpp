@@ -85,6 +85,25 @@ TEST_F(RunReportTest, HasTheLoadsOfTheRun) {
   EXPECT_GE(figures().wall_impulse_Ns, 0);
 }
 
+TEST_F(RunReportTest, CountsTheTimeOfEachHub) {
+  go(30, 0, 0.5);
+  go(30, 1, 0.4);
+  go(30, 1, 0.3);
+  EXPECT_NEAR(figures().idle_s, 0.3, 0.002);
+  EXPECT_EQ(figures().turn_backs, 0);
+  go(30, 0.8, 0.1);
+  EXPECT_EQ(figures().turn_backs, 1);
+}
+
+TEST_F(RunReportTest, HasValuesOverTime) {
+  go(50, 0, 1.1);
+  const RunSeries& series = report_->series();
+  ASSERT_EQ(series.time_s.size(), 6);
+  EXPECT_NEAR(series.time_s[5], 1, 1e-9);
+  EXPECT_NEAR(series.instruments[0].insertion_mm[5], 50 / 1.1, 0.1);
+  EXPECT_EQ(series.instruments[0].wall_N.size(), 6);
+}
+
 TEST_F(RunReportTest, GoesOnAfterAnExchange) {
   go(20, 0, 0.5);
   go(0, 0, 0.5);

@@ -18,7 +18,7 @@ async function module_of(name) {
   return import(`data:text/javascript;base64,${Buffer.from(outputFiles[0].contents).toString("base64")}`);
 }
 
-const { hash_of, state_of } = await module_of("address.ts");
+const { exercise_of, hash_of, hash_with_exercise, state_of } = await module_of("address.ts");
 const { BodyClock } = await module_of("body_clock.ts");
 const { MotionMode, phase_weights } = await module_of("motion_mode.ts");
 const { bands_at, key_before, owner_of, rounded, shares_at } = await module_of("key_maps.ts");
@@ -29,6 +29,7 @@ const { Store, first_state } = await module_of("state.ts");
 const { picture_at, shown_time_s } = await module_of("instrument_shape.ts");
 const { step_s } = await module_of("run_player.ts");
 const { view_of } = await module_of("c_arm_pose.ts");
+const { pixel_on_detector_mm, shown_at, source_mm } = await module_of("view.ts");
 const { Notes } = await module_of("notes.ts");
 const { Sampler } = await module_of("samples.ts");
 const { rectified_view } = await module_of("rectified.ts");
@@ -41,7 +42,6 @@ const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
 const { LastLoads } = await module_of("live.ts");
 const { Recording } = await module_of("recording.ts");
-const { figures_of } = await module_of("report.ts");
 const { held_on } = await module_of("gamepad.ts");
 const { LastTraces, breath_of } = await module_of("live_body.ts");
 
@@ -296,21 +296,36 @@ test("a line is at the phase of a gate, which another mode does not have", () =>
 });
 
 test("a run is recorded as a script", () => {
-  const recording = new Recording(), at = (time_s, ...poses) => ({ time_s, instruments: poses.map(([insertion_mm, rotation_deg]) => ({ insertion_mm, rotation_deg })) });
+  const recording = new Recording(2), at = (time_s, ...poses) => ({ time_s, instruments: poses.map(([insertion_mm, rotation_deg]) => ({ insertion_mm, rotation_deg })) });
   for (const [k, mm] of [0, 0, 0, 0, 2, 3, 3, 3, 3, 5].entries()) recording.add(at(7 + 0.1 * k, [mm, -1], [0, 0]));
   recording.add(at(7.2, [4, 0], [0, 0])); // late
   const [names, ...rows] = recording.csv().trim().split("\n");
   assert.equal(names, "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg");
   assert.deepEqual(rows.map((row) => row.split(",").slice(0, 2).map(Number)), [[0, 0], [0.3, 0], [0.4, 2], [0.5, 3], [0.8, 3], [0.9, 5]]);
   recording.clear();
-  assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg\n");
+  assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n");
 });
 
-test("figures have names and units", () => {
-  const numbers = [12, 3, 100, Math.PI, 2, 0.5, 0.25, 0.002, 0.4, 0.01, 1, 40, 0, 0, 0, 0, 0, 0, 0, 0], { instruments, ...run } = figures_of(numbers, { fluoroscopy_s: 4, injected_ml: 5 });
-  assert.deepEqual(run, { time_s: 12, idle_s: 3, fluoroscopy_s: 4, injected_ml: 5 });
-  assert.deepEqual(instruments[0], { tip_path_mm: 100, turned_deg: 180, reversals: 2, largest_force_N: 0.5, mean_force_N: 0.25, largest_torque_mNm: 2, largest_wall_force_N: 0.4, wall_impulse_Ns: 0.01, exchanges: 1 });
-  assert.deepEqual([instruments.length, instruments[1].tip_path_mm], [2, 40]);
+test("steps are recorded to the last digit", () => {
+  const recording = new Recording(1);
+  recording.add_steps(Float64Array.of(0.001, 0, 0, 0.002, 0, 0, 0.003, 0, 0));
+  recording.add_steps(Float64Array.of(0.004, 1 / 3, Math.PI / 7, 0.005, 2 / 3, Math.PI / 7));
+  assert.equal(recording.csv(), `time_s,insertion_mm,rotation_deg\n0.0000,0,0\n0.0020,0,0\n0.0030,${1 / 3},${((Math.PI / 7) * 180) / Math.PI}\n0.0040,${2 / 3},${((Math.PI / 7) * 180) / Math.PI}\n`);
+});
+
+test("the address names an exercise", () => {
+  assert.deepEqual(["", "#exercise=2", "#exercise=0", "#exercise=9", "#exercise=x"].map((hash) => exercise_of(hash, 3)), [1, 2, 0, 1, 1]);
+  assert.equal(exercise_of("", 0), 0);
+  assert.equal(hash_with_exercise("#lao=30&exercise=1", 3), "#lao=30&exercise=3");
+});
+
+test("a point is shown where the detector has its pixel", () => {
+  const view = { lao_rad: 0.5, cranial_rad: -0.2, cone: { source_axis_mm: 700, source_detector_mm: 1100 }, centre_mm: [10, 20, 30], width: 400, height: 300, pixel_mm: 0.7 };
+  const pixel = pixel_on_detector_mm(view, 99.5, 49.5), source = source_mm(view, view.cone);
+  for (const share of [0.5, 0.9, 1]) {
+    const { x, y } = shown_at(view, source.map((from, i) => from + share * (pixel[i] - from)));
+    assert.ok(Math.hypot(x - 100, y - 50) < 1e-9, `${x} ${y}`);
+  }
 });
 
 test("a gamepad's stick has a dead zone", () => {

@@ -2,7 +2,7 @@
 // named by the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { existsSync, readFileSync, statSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, readFileSync, statSync, writeFileSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { after, before, test } from "node:test";
 import { pathToFileURL } from "node:url";
@@ -19,6 +19,11 @@ before(async () => {
   const live = ["export", file("map.exr"), "--vessels", file("truth"), "--live"];
   run(...live, "--devices", "pigtail-5f", "--script", file("push.csv"), "-o", file("one.html"));
   run(...live, "--device-model", "cobra-5f", "--device-model", "guidewire-035-j", "-o", file("pair.html"));
+  writeFileSync(file("task.json"), JSON.stringify({
+    title: "Up the aorta", task: "Push the Cobra up the aorta.", instruments: ["cobra-5f"], devices: ["pigtail-5f"],
+    targets: [{ name: "in the iliac artery", vessel: "left common iliac artery", depth_mm: 20 }, { name: "higher up", vessel: "aorta", depth_mm: 20 }], limits: { time_s: 600, fluoroscopy_s: 600 },
+  }));
+  run(...live, "--exercise", file("task.json"), "--exercise", new URL("../../examples/exercises/1-left-renal.json", import.meta.url).pathname, "-o", file("tasks.html"));
   await start_chromium(...kMesa);
 });
 
@@ -98,15 +103,115 @@ browser_test("keys steer a wire in a catheter, off line, and the picture is held
   await close(opened);
 });
 
+browser_test("no text of a title, an instrument or a vessel becomes a part of the page", async () => {
+  const attack = `"'><script>document.body.remove()</script><img src=x onerror=alert(1)></title><!--<script>`;
+  const cobra = JSON.parse(readFileSync(join(web, "../simulation/instruments/cobra-5f.json"), "utf8"));
+  writeFileSync(file("attack.json"), JSON.stringify({ ...cobra, name: attack }));
+  cpSync(file("truth"), file("attacked"), { recursive: true });
+  const { names } = JSON.parse(readFileSync(file("truth/names.json"), "utf8"));
+  writeFileSync(file("attacked/names.json"), JSON.stringify({ names: names.map((one) => ({ ...one, name: attack.slice(0, 70) })) }));
+  run("export", file("map.exr"), "--vessels", file("attacked"), "--live", "--device-model", file("attack.json"), "--device-model",
+    "guidewire-035-j", "--title", attack, "-o", file("attack.html"));
+  const elements = ({ page }) => page.$$eval("*", (all) => all.map((one) => [one.localName, ...one.getAttributeNames()].sort().join(" ")).sort());
+  const plain = await steer("pair.html"), expected = await elements(plain);
+  await close(plain);
+  const attacked = await steer("attack.html"), dialogs = [], { page } = attacked;
+  page.on("dialog", (dialog) => dialogs.push(dialog.message()) && dialog.dismiss());
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 40);
+  await page.keyboard.up("ArrowUp");
+  assert.deepEqual(await elements(attacked), expected);
+  assert.equal(await page.title(), attack);
+  assert.deepEqual(dialogs, []);
+  await close(attacked);
+});
+
 /** Keeps the text of files that the page would save. */
 function keep_files() {
   globalThis.saved = [];
   const { createObjectURL } = URL;
   URL.createObjectURL = (file) => {
-    if (file.type === "text/csv") globalThis.saved.push(file);
+    if (file.type === "text/csv" || file.type === "application/json") globalThis.saved.push(file);
     return createObjectURL.call(URL, file);
   };
 }
+
+/** Runs a script that a page saved. */
+function repeated(script, ...more) {
+  writeFileSync(file("saved.csv"), script);
+  run("simulate", file("truth"), "--device-model", "cobra-5f", "--script", file("saved.csv"), "-o", file("log.csv"), "--report", file("repeated.json"), ...more);
+  return JSON.parse(readFileSync(file("repeated.json"), "utf8"));
+}
+
+browser_test("the report of a run that is saved is that of the script", async (t) => {
+  const opened = await steer("one.html", { first: keep_files }), { page } = opened;
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 120);
+  await page.keyboard.down("ArrowRight");
+  await wait(1500);
+  await page.keyboard.up("ArrowUp");
+  await page.keyboard.up("ArrowRight");
+  await page.keyboard.down("ArrowDown");
+  await wait(800);
+  await page.keyboard.up("ArrowDown");
+  await wait(1500);
+  await page.click("#report summary");
+  await page.click("#save-report");
+  await page.waitForFunction(() => globalThis.saved.length === 1);
+  await wait(300);
+  await page.click("#save-run");
+  const [report, script] = await page.evaluate(async () => Promise.all(globalThis.saved.map((file) => file.text())));
+  const told = JSON.parse(report), whole = repeated(script), late_s = whole.time_s - told.time_s;
+  // The script goes on at rest after the report.
+  const rows = script.trim().split("\n").map((row) => row.split(",")), [last, ...before] = rows.reverse();
+  const end_s = (Number(last[0]) - late_s).toFixed(3);
+  const again = repeated(`${[...before.filter(([time_s], i) => i === before.length - 1 || Number(time_s) < Number(end_s)).reverse(), [end_s, ...last.slice(1)]].map((row) => row.join()).join("\n")}\n`);
+  const kCounts = ["turn_backs", "reversals", "slips", "whips", "exchanges"];
+  assert.ok(Math.abs(again.time_s - told.time_s) < 1e-6 && Math.abs(again.idle_s - told.idle_s) < 1e-6);
+  let apart = 0;
+  for (const [name, value] of Object.entries(told.instruments[0])) {
+    if (name === "name") continue;
+    const other = again.instruments[0][name];
+    if (kCounts.includes(name)) assert.equal(other, value, name);
+    else assert.ok(Math.abs(other - value) < 1e-6, `${name}: ${value} and ${other}`);
+    apart = Math.max(apart, Math.abs(other - value));
+  }
+  assert.ok(told.instruments[0].tip_path_mm > 150 && told.instruments[0].reversals === 1);
+  t.diagnostic(`${rows.length} rows; figures at most ${apart.toExponential(1)} apart`);
+  await close(opened);
+});
+
+browser_test("an exercise is chosen, followed and done", async () => {
+  const opened = await steer("tasks.html", { width: 1280, height: 720 }), { page } = opened;
+  await reads(page, "#exercise-task", /^Push the Cobra/);
+  await reads(page, "#exercise-progress", /^▸ in the iliac artery○ higher up$/);
+  await screenshot(page, "exercise-first.png");
+  await page.keyboard.down("x");
+  await page.keyboard.down("ArrowUp");
+  await reads(page, "#exercise-progress", /✓ in the iliac artery: \d+\.\d s▸ higher up/);
+  await screenshot(page, "exercise-half.png");
+  await reads(page, "#exercise-result", /^(Passed|Complete)/);
+  await page.keyboard.up("ArrowUp");
+  await page.keyboard.up("x");
+  await page.click("#report summary");
+  await page.waitForFunction(() => /insertion, mm: cobra-5f up to \d{3}/.test(document.querySelector("#report-charts canvas").getAttribute("aria-label")), { timeout: 20000 });
+  await screenshot(page, "exercise-done.png");
+  await page.select("#exercise-choice", "2");
+  await reads(page, "#exercise-task", /^From the left groin/);
+  assert.match(await page.evaluate(() => location.hash), /exercise=2/);
+  await page.select("#exercise-choice", "0");
+  await reads(page, "#exercise-task", /^$/);
+  await close(opened);
+});
+
+browser_test("an exercise fits a telephone", async () => {
+  const opened = await steer("tasks.html", { width: 390, height: 844, touch: true, hash: "#exercise=2" }), { page } = opened;
+  assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390); // less a scroll bar
+  assert.ok(await page.$eval("#inject", (button) => button.getBoundingClientRect().bottom < innerHeight)); // all that steers is seen at once
+  await reads(page, "#exercise-progress", /▸ left renal artery/);
+  await screenshot(page, "exercise-phone.png");
+  await close(opened);
+});
 
 browser_test("a run that is saved is one that simulate repeats", async (t) => {
   const opened = await steer("one.html", { first: keep_files }), { page } = opened;
@@ -185,7 +290,7 @@ function note_messages() {
   const { addEventListener } = Worker.prototype;
   Worker.prototype.addEventListener = function (kind, listener) {
     addEventListener.call(this, kind, (event) => {
-      if (event.data instanceof ArrayBuffer) globalThis.told.push([performance.now(), 1000 * new DataView(event.data).getFloat32(8, true)]);
+      if ("message" in event.data) globalThis.told.push([performance.now(), 1000 * new DataView(event.data.message).getFloat32(8, true)]);
       listener(event);
     });
   };

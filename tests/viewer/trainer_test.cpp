@@ -5,9 +5,13 @@
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/simulation/run.hpp"
 
+#include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <numbers>
+#include <optional>
 #include <span>
 
 namespace xraycast::trainer_test {
@@ -129,6 +133,80 @@ TEST(Trainer, ExchangesWhatIsDrawnBack) {
   trainer.hold({.push = 1});
   trainer.advance(500);
   EXPECT_NEAR(trainer.instruments().pose(0).insertion_mm, 20, 2);
+}
+
+TEST(Trainer, FollowsAnExercise) {
+  TrainerSetup setup = setup_with({"cobra-5f"}, {0});
+  const Exercise exercise = parse_exercise(
+      R"({"title": "Up", "task": "Go.", "instruments": ["cobra-5f"], "targets": [{"vessel": "left common iliac artery"}],
+          "limits": {"contrast_ml": 0.5}})",
+      "exercise", *setup.tree);
+  setup.exercise = to_json(exercise);
+  Trainer trainer(trainer_setup_of(packed(setup)));
+  trainer.hold({.push = 1, .pedal = true, .injects = true});
+  for (int k = 0; k < 300; ++k) {
+    trainer.advance(33);
+    trainer.message();
+  }
+  const ExerciseState& state = trainer.monitor().progress()->state();
+  EXPECT_TRUE(state.is_complete());  // the entry is in the groin on the left
+  EXPECT_FALSE(state.is_passed());   // 5 ml/s
+  const RunUse& use = trainer.monitor().report().figures().use;
+  EXPECT_NEAR(*use.fluoroscopy_s, 9.9, 0.1);
+  EXPECT_NEAR(static_cast<double>(*use.exposures), 300, 1);
+  EXPECT_FALSE(use.air_kerma_mGy);
+  EXPECT_THAT(trainer.monitor().json(false), testing::HasSubstr("\"left common iliac artery\""));
+}
+
+TEST(Trainer, HasStepsThatARunRepeats) {
+  const TrainerSetup setup = setup_with({"cobra-5f", "guidewire-035-j"}, {0, 1});
+  Trainer trainer(setup);
+  std::string csv = "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n";
+  const auto go = [&](const TrainerHand& hand, int steps) {
+    trainer.hold(hand);
+    trainer.advance(steps);
+    const std::vector<double> taken = trainer.take_steps();
+    ASSERT_EQ(taken.size(), 5 * static_cast<std::size_t>(steps));
+    for (std::size_t at = 0; at < taken.size(); at += 5)
+      csv += fmt::format("{:.3f},{},{},{},{}\n", taken[at], taken[at + 1],
+                         taken[at + 2] * 180 / std::numbers::pi, taken[at + 3],
+                         taken[at + 4] * 180 / std::numbers::pi);
+  };
+  go({.push = 1, .turn = 0.5}, 2000);
+  trainer.hold_next_hub();
+  go({.push = 1, .turn = -1}, 1500);
+  go({.push = -1}, 500);
+
+  const RunRequest request{.tree = setup.tree,
+                           .instruments = setup.instruments(),
+                           .entry = {setup.entry.branch},
+                           .script = Script::parse(csv, "steps", 2)};
+  std::optional<RunMonitor> repeated;
+  Progress progress;
+  run(request, progress, [&](const Instruments& moved, double) {
+    if (repeated)
+      repeated->add(moved);
+    else
+      repeated.emplace(moved, names_of(request.instruments));
+  });
+  const RunFigures &live = trainer.monitor().report().figures(), &again = repeated->report().figures();
+  EXPECT_EQ(again.time_s, live.time_s);
+  EXPECT_EQ(again.idle_s, live.idle_s);
+  for (std::size_t d = 0; d < 2; ++d) {
+    const InstrumentFigures &a = live.instruments[d], &b = again.instruments[d];
+    EXPECT_GT(a.path_mm, 30);
+    // Interpolating between rows, and degrees, round in the last digit.
+    EXPECT_NEAR(b.path_mm, a.path_mm, 1e-6);
+    EXPECT_NEAR(b.turned_rad, a.turned_rad, 1e-6);
+    EXPECT_NEAR(b.largest_N, a.largest_N, 1e-6);
+    EXPECT_NEAR(b.mean_Nm, a.mean_Nm, 1e-6);
+    EXPECT_NEAR(b.wall_impulse_Ns, a.wall_impulse_Ns, 1e-6);
+    EXPECT_EQ(b.idle_s, a.idle_s);
+    EXPECT_EQ(b.reversals, a.reversals);
+    EXPECT_EQ(b.turn_backs, a.turn_backs);
+    EXPECT_EQ(b.slips, a.slips);
+    EXPECT_EQ(b.whips, a.whips);
+  }
 }
 
 TEST(Trainer, FollowsAScriptAsTheInstrumentsDo) {

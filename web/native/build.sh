@@ -6,7 +6,7 @@ root=$(cd "$(dirname "$0")/../.." && pwd)
 file=$1
 folder=${2:-$root/build/wasm}
 sources="
-  host/xraycast/base/plain_text host/xraycast/base/pluralize host/xraycast/base/printable
+  host/xraycast/base/json_text host/xraycast/base/plain_text host/xraycast/base/pluralize host/xraycast/base/printable
   host/xraycast/geometry/branch_names host/xraycast/geometry/nurbs_curve host/xraycast/geometry/segment_index host/xraycast/geometry/tube host/xraycast/geometry/vessel_tree
   host/xraycast/motion/motion host/xraycast/motion/motion_mode
   simulation/xraycast/mechanics/block_band_matrix simulation/xraycast/mechanics/instrument_model simulation/xraycast/mechanics/rod
@@ -17,7 +17,8 @@ sources="
   simulation/xraycast/coaxial/rod_curve
   simulation/xraycast/simulation/agent_outlet simulation/xraycast/simulation/cardiac_waveform
   simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/laminar_vessel
-  simulation/xraycast/simulation/run_report
+  simulation/xraycast/simulation/exercise simulation/xraycast/simulation/exercise_progress
+  simulation/xraycast/simulation/run_monitor simulation/xraycast/simulation/run_report
   simulation/xraycast/haptics/hub_couplings simulation/xraycast/haptics/virtual_coupling
   viewer/xraycast/scene/contrast_surface viewer/xraycast/scene/instrument_curve
   viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/trainer viewer/xraycast/trainer/trainer_setup

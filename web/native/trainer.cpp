@@ -68,15 +68,15 @@ EMSCRIPTEN_KEEPALIVE void trainer_follow() {
   }
 }
 
-/// The room takes the figures so far: the time and the idle time in s, and of each instrument what
-/// InstrumentFigures has, in its order. Returns how many numbers these are.
-EMSCRIPTEN_KEEPALIVE std::size_t trainer_figures() {
-  const xraycast::RunFigures& figures = trainer->figures();
-  numbers = {figures.time_s, figures.idle_s};
-  for (const xraycast::InstrumentFigures& f : figures.instruments)
-    numbers.insert(numbers.end(),
-                   {f.path_mm, f.turned_rad, static_cast<double>(f.reversals), f.largest_N, f.mean_N,
-                    f.largest_Nm, f.largest_wall_N, f.wall_impulse_Ns, static_cast<double>(f.exchanges)});
+/// The report so far, see RunMonitor.
+EMSCRIPTEN_KEEPALIVE const char* trainer_report(bool has_series) {
+  text = trainer->monitor().json(has_series);
+  return text.c_str();
+}
+
+/// The room takes what Trainer::take_steps gives. Returns how many numbers these are.
+EMSCRIPTEN_KEEPALIVE std::size_t trainer_take_steps() {
+  numbers = trainer->take_steps();
   return numbers.size();
 }
 

@@ -50,6 +50,19 @@ export function state_of(hash: string, first: State, modes: readonly string[] = 
   return state;
 }
 
+/** The number of an exercise, of so many; 0: none. The first where the address has none. */
+export function exercise_of(hash: string, count: number): number {
+  const number = number_in(new URLSearchParams(hash.replace(/^#/, "")), "exercise") ?? 1;
+  return Number.isInteger(number) && number >= 0 && number <= count ? number : Math.min(1, count);
+}
+
+/** The address with another exercise. */
+export function hash_with_exercise(hash: string, exercise: number): string {
+  const fields = new URLSearchParams(hash.replace(/^#/, ""));
+  fields.set("exercise", String(exercise));
+  return `#${fields}`;
+}
+
 const short = (x: number, digits: number) => String(Number(x.toFixed(digits)));
 const precise = (x: number) => String(Number(x.toPrecision(6)));
 

@@ -76,10 +76,28 @@ interface LiveHeader {
   modes?: string[]; // of the body in motion, in order
 }
 
-/** Of a page that simulates by itself. */
-interface TrainerHeader {
+/** Instruments that are steered. */
+interface Choices {
   choices: InstrumentHeader[]; // that may be taken
   used: number[]; // of these at first, from the outermost on
+}
+
+export interface TargetMark {
+  name: string;
+  at_mm: Vec3;
+  radius_mm: number;
+}
+
+export interface ExerciseHeader extends Choices {
+  title: string;
+  task: string;
+  targets: TargetMark[]; // in their order
+}
+
+/** Of a page that simulates by itself. */
+interface TrainerHeader extends Choices {
+  tree_numbers: number; // with which the setup begins, also that of each exercise
+  exercises: ExerciseHeader[];
 }
 
 /** Of contrast agent: a mesh has so many points and triangles for each, one drum behind the other. */
@@ -166,6 +184,7 @@ export interface Live extends LiveHeader {
 export interface Trainer extends TrainerHeader {
   code: ArrayBuffer; // of the simulation
   setup: Float64Array; // which that takes
+  exercise: ExerciseHeader | null;
 }
 
 export interface SessionData {
@@ -295,8 +314,18 @@ function shapes_of({ pictures, unit_mm }: RunHeader, bytes: Uint8Array): Vec3[][
   return shapes;
 }
 
-/** `simulation` is its code, deflated; without, a page that would simulate plays its run. */
-export async function session_of(header: Header, base64: string, simulation: string | null): Promise<SessionData> {
+/** With what the simulation of an exercise, or of none, takes. */
+function trainer_of(header: TrainerHeader, part: (name: string) => Uint8Array, exercise: number, code: ArrayBuffer): Trainer {
+  const numbers = (name: string) => new Float64Array(part(name).slice().buffer), whole = numbers("trainer"), chosen = header.exercises[exercise - 1];
+  if (!chosen) return { ...header, code, setup: whole, exercise: null };
+  const use = numbers(`exercise_${exercise - 1}`), setup = new Float64Array(header.tree_numbers + use.length);
+  setup.set(whole.subarray(0, header.tree_numbers));
+  setup.set(use, header.tree_numbers);
+  return { ...header, choices: chosen.choices, used: chosen.used, code, setup, exercise: chosen };
+}
+
+/** `simulation` is its code, deflated; without, a page that would simulate plays its run. `exercise` is 1 for the first, 0 for none. */
+export async function session_of(header: Header, base64: string, simulation: string | null, exercise = 0): Promise<SessionData> {
   const bytes = await inflated(base64);
   const part = (name: string) => {
     const [first, count] = header.parts[name] ?? [0, 0];
@@ -307,7 +336,8 @@ export async function session_of(header: Header, base64: string, simulation: str
   const surface_of = <Kind extends MeshHeader & Matter>(of: Kind, name: string) =>
     ({ ...of, mesh: mesh_of(of, part(`${name}_points`), part(`${name}_triangles`)) });
   const simulates = header.trainer !== null && simulation !== null;
-  const run = simulates ? null : header.run, live = header.trainer && !simulates ? null : header.live;
+  const run = simulates ? null : header.run, trainer = simulates ? trainer_of(header.trainer!, part, exercise, (await inflated(simulation!)).buffer as ArrayBuffer) : null;
+  const live = header.trainer && !simulates ? null : header.live && trainer ? { ...header.live, instruments: trainer.used.map((choice) => trainer.choices[choice]!) } : header.live;
   const shapes_of_instrument = (instrument: RunInstrumentHeader, d: number): RunInstrument =>
     ({ ...instrument, shapes: instrument.parts.map((_, p) => shapes_of(run!, part(`shapes_${d}_${p}`))) });
   return {
@@ -315,7 +345,7 @@ export async function session_of(header: Header, base64: string, simulation: str
     motion: header.motion && motion_of(header.motion, header.map, part), vessels: header.vessels && surface_of(header.vessels, "vessel"),
     catheters: header.catheters.map((catheter, i) => surface_of(catheter, `catheter_${i}`)),
     run: run && { ...run, instruments: run.instruments.map(shapes_of_instrument) },
-    trainer: simulates ? { ...header.trainer!, code: (await inflated(simulation)).buffer as ArrayBuffer, setup: new Float64Array(part("trainer").slice().buffer) } : null,
+    trainer,
     live: live && { ...live, contrast: surface_of(live.contrast, "contrast") },
   };
 }

@@ -8,8 +8,9 @@ import { surfaces_of } from "./instrument_shape";
 import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
+import { Exercise } from "./exercise";
 import { Recording } from "./recording";
-import { Report, figures_of } from "./report";
+import { Report } from "./report";
 import { save_file } from "./saved_file";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
@@ -68,7 +69,7 @@ export class LiveView {
   private readonly chart: LoadChart;
   private readonly body: BodyControls | null;
   private readonly loads: LastLoads;
-  private readonly recording = new Recording();
+  private readonly recording: Recording;
   private readonly steering: Steering;
   private readonly exchange: Exchange | null;
   private readonly connection: SessionLink | null;
@@ -86,6 +87,7 @@ export class LiveView {
     for (const id of ["live", "live-keys", "save-run"]) element(id).hidden = false;
     element("save-run").addEventListener("click", () => save_file(new Blob([this.recording.csv()], { type: "text/csv" }), "run.csv"));
     this.show_keys(false);
+    this.recording = new Recording(names.length);
     this.loads = new LastLoads(names);
     this.chart = new LoadChart(names, (hub) => this.loads.of(hub));
     this.body = live.modes?.length ? new BodyControls(live.modes, (body) => this.send({ body })) : null;
@@ -106,9 +108,18 @@ export class LiveView {
   }
 
   private simulate(trainer: Trainer, names: string[]): SessionLink {
-    const report = new Report(names, (text) => save_file(new Blob([text], { type: "application/json" }), "report.json"));
+    const report = new Report((shows_series) => this.send({ shows_series }), () => this.send({ save_report: true }));
+    const exercise = trainer.exercises.length === 0 ? null : new Exercise(trainer, (target) => {
+      this.picture.target = target;
+      this.redraw();
+    });
     return new TrainerLink(trainer, {
-      figures: (numbers) => this.newest && report.told(figures_of(numbers, this.newest)),
+      moved: (steps) => this.recording.add_steps(steps),
+      reported: (told) => {
+        report.told(told);
+        exercise?.told(told.exercise);
+      },
+      saves: (told) => save_file(new Blob([`${JSON.stringify(told)}\n`], { type: "application/json" }), "report.json"),
       told: (message) => this.told(message), has_role: (role) => this.has_role(role), refused: (why) => this.notes.tell(`${why}.`),
       exchanged: (instrument, choice) => {
         this.live.instruments[instrument] = trainer.choices[choice]!;
@@ -135,7 +146,7 @@ export class LiveView {
       this.notes.state("");
     }
     this.loads.add(this.newest);
-    this.recording.add(this.newest);
+    if (!this.trainer) this.recording.add(this.newest);
     if (this.newest.body) this.body?.told(this.newest.body);
     if (this.is_due) return;
     this.is_due = true; // messages that come while a picture is drawn are passed over
@@ -238,7 +249,7 @@ export class LiveView {
     event.stopImmediatePropagation();
   }
 
-  private send(once: { [action in SteeringAction]?: boolean } & { body?: BodyChange; exchange?: ExchangeOrder } = {}): void {
+  private send(once: { [action in SteeringAction]?: boolean } & { body?: BodyChange; exchange?: ExchangeOrder; shows_series?: boolean; save_report?: boolean } = {}): void {
     if (!this.steering.steers || !this.connection) return;
     const { pose } = this.store.state, message: Record<string, unknown> = { ...this.steering.held, ...once };
     if (this.has_moved && !this.trainer) message.c_arm = { lao_deg: pose.lao_deg, cranial_deg: pose.cranial_deg, zoom: pose.zoom, table_mm: pose.table_mm };

@@ -1,5 +1,5 @@
 // Opens the page: reads the session, and connects the picture with what moves it.
-import { hash_of, state_of } from "./address";
+import { exercise_of, hash_of, hash_with_exercise, state_of } from "./address";
 import type { CArmPose } from "./c_arm_pose";
 import { Header, SessionData, session_of } from "./data";
 import { shown_time_s } from "./instrument_shape";
@@ -134,7 +134,13 @@ class Page {
     return this.data.motion?.modes.map(({ name }) => name) ?? [];
   }
 
+  private get exercise(): number {
+    const { trainer } = this.data;
+    return trainer?.exercise ? trainer.exercises.indexOf(trainer.exercise) + 1 : 0;
+  }
+
   private follow_address(): void {
+    if (exercise_of(location.hash, this.data.trainer?.exercises.length ?? 0) !== this.exercise) return location.reload();
     const { phases, is_paused } = this.store.state, state = state_of(location.hash, this.store.first, this.modes);
     this.store.update(state.is_paused ? state : { ...state, phases, is_paused });
   }
@@ -179,7 +185,7 @@ class Page {
     const body_moves = this.body_moves;
     const has_road_map = this.picture.draw(state, is_moving || body_moves, is_moving || (body_moves && this.pace.is_slow(performance.now()))), view = this.picture.view(state);
     const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
-    draw_overlay(overlay, view, outlined, scale, !state.is_bare);
+    draw_overlay(overlay, view, outlined, scale, !state.is_bare, state.is_bare ? null : this.picture.target);
     this.describe(state);
     document.documentElement.dataset.pictures = String(++this.pictures);
     clearTimeout(this.rest_timer);
@@ -212,7 +218,8 @@ class Page {
 
   private async copy_link(): Promise<void> {
     const { run } = this.data, { state } = this.store;
-    const hash = hash_of({ ...state, time_s: run ? shown_time_s(run, state.time_s) : 0 }, this.store.first, this.modes), link = location.href.replace(/#.*$/, "") + hash;
+    const view = hash_of({ ...state, time_s: run ? shown_time_s(run, state.time_s) : 0 }, this.store.first, this.modes);
+    const hash = this.data.trainer?.exercises.length ? hash_with_exercise(view, this.exercise) : view, link = location.href.replace(/#.*$/, "") + hash;
     history.replaceState(null, "", hash);
     try {
       await navigator.clipboard.writeText(link);
@@ -261,7 +268,7 @@ async function open(): Promise<void> {
   element("data").remove(); // as long as the file: its memory is needed
   const simulation = can_simulate() ? element("simulation").textContent!.trim() : null;
   element("simulation").remove();
-  const data = await session_of(header, packed, simulation), first = first_state(data);
+  const data = await session_of(header, packed, simulation, exercise_of(location.hash, header.trainer?.exercises?.length ?? 0)), first = first_state(data);
   const modes = data.motion?.modes.map(({ name }) => name) ?? [], store = new Store(state_of(location.hash, first, modes), first, data);
   const picture = Picture.on(canvas, data);
   if (!picture) return notes.state("This browser has no WebGL 2, so this is a still picture.");

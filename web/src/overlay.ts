@@ -1,7 +1,8 @@
 // What lies over the picture: orientation letters, a scale bar, and the vessels' outline (viewer/xraycast/scene/annotations.hpp).
 import type { Absorbed } from "./absorption";
 import { Vec3, normalized, times } from "./vectors";
-import { View, magnification_of, right_of, up_of } from "./view";
+import type { TargetMark } from "./data";
+import { View, magnification_of, right_of, shown_at, up_of } from "./view";
 
 /** The largest of 1, 2 or 5 times a power of ten that does not exceed `limit`. */
 export function round_length(limit: number): number {
@@ -27,11 +28,12 @@ export interface Outline {
 }
 
 /** `scale` is that of the display's pixels; without letters and bar the vessels' outline alone. */
-export function draw_overlay(canvas: HTMLCanvasElement, view: View, outline: Outline | null, scale: number, has_letters: boolean): void {
+export function draw_overlay(canvas: HTMLCanvasElement, view: View, outline: Outline | null, scale: number, has_letters: boolean, target: TargetMark | null = null): void {
   if (canvas.width !== view.width || canvas.height !== view.height) Object.assign(canvas, { width: view.width, height: view.height });
   const context = canvas.getContext("2d")!;
   context.clearRect(0, 0, canvas.width, canvas.height);
   if (outline) draw_outline(context, outline, view.height);
+  if (target) draw_target(context, view, target, scale);
   if (has_letters) draw_letters_and_bar(context, view, scale);
 }
 
@@ -52,6 +54,23 @@ function draw_letters_and_bar(context: CanvasRenderingContext2D, view: View, sca
   text(0.5 * width, margin + 0.8 * font, orientation_of(up_of(view)), "center");
   text(0.5 * width, height - margin, orientation_of(times(-1, up_of(view))), "center");
   draw_scale_bar(context, view, font, scale, text);
+}
+
+function draw_target(context: CanvasRenderingContext2D, view: View, { at_mm, radius_mm }: TargetMark, scale: number): void {
+  const kLeast = 9, { x, y, pixels_per_mm } = shown_at(view, at_mm), radius = Math.max(kLeast * scale, radius_mm * pixels_per_mm);
+  context.save();
+  for (const [width, colour] of [[4 * scale, "#000"], [2 * scale, kInk]] as const) {
+    context.lineWidth = width;
+    context.strokeStyle = colour;
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]] as const) {
+      context.moveTo(x + dx * radius, y + dy * radius);
+      context.lineTo(x + dx * (radius + 5 * scale), y + dy * (radius + 5 * scale));
+    }
+    context.stroke();
+  }
+  context.restore();
 }
 
 function draw_scale_bar(

@@ -2,7 +2,7 @@
 import { CArmPose, view_of } from "./c_arm_pose";
 import { Renderer, Style, kFull, kQuick } from "./compositing";
 import type { ComingReds } from "./gl";
-import type { SessionData, Surface } from "./data";
+import type { SessionData, Surface, TargetMark } from "./data";
 import { InstrumentShapes } from "./instrument_shape";
 import { GreyWindow, automatic_window } from "./grey_window";
 import { MovingSurface } from "./moving_surface";
@@ -27,6 +27,8 @@ export class Picture {
   live: readonly Surface[] = [];
   /** Where the C-arm stood when the picture was taken that is held; null: the picture follows the C-arm. */
   held_pose: CArmPose | null = null;
+  /** What is to be reached next, where that is shown. */
+  target: TargetMark | null = null;
   /** The grey window that was drawn last. */
   window: GreyWindow = this.automatic;
 

@@ -1,74 +1,82 @@
-// What a run's instruments did so far, as a table and as a file (simulation/xraycast/simulation/run_report.hpp).
+// What a run's instruments did so far, as a table, over its time, and as a file (docs/exercises.md).
+import { SeriesChart } from "./series_chart";
 import { fixed } from "./fixed";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
-const kDegrees = 180 / Math.PI;
-
-/** In the order in which the simulation has them; `name` is that of the file. */
-const kFigures = [
-  { name: "tip_path_mm", words: "path of the tip", unit: "mm", digits: 0, times: 1 },
-  { name: "turned_deg", words: "turned", unit: "°", digits: 0, times: kDegrees },
-  { name: "reversals", words: "reversals", unit: "", digits: 0, times: 1 },
-  { name: "largest_force_N", words: "largest force at the hub", unit: "N", digits: 2, times: 1 },
-  { name: "mean_force_N", words: "mean force at the hub", unit: "N", digits: 2, times: 1 },
-  { name: "largest_torque_mNm", words: "largest torque at the hub", unit: "mN m", digits: 2, times: 1000 },
-  { name: "largest_wall_force_N", words: "largest force on the wall", unit: "N", digits: 2, times: 1 },
-  { name: "wall_impulse_Ns", words: "impulse on the wall above 0.1 N", unit: "N s", digits: 2, times: 1 },
-  { name: "exchanges", words: "exchanges", unit: "", digits: 0, times: 1 },
-] as const;
-
-/** Of the procedure, which the session's messages tell. */
-export interface Use {
-  fluoroscopy_s: number;
-  injected_ml: number;
+interface Figure {
+  name: string; // in the file
+  words: string;
+  unit: string;
+  digits: number;
 }
 
-export interface Figures extends Use {
-  time_s: number;
-  idle_s: number;
-  instruments: Record<string, number>[]; // by the names above
+const figure = (name: string, words: string, unit = "", digits = 0): Figure => ({ name, words, unit, digits });
+
+const kOfRun = [
+  figure("time_s", "time", "s"), figure("idle_s", "idle", "s"), figure("fluoroscopy_s", "fluoroscopy", "s"), figure("exposures", "exposures"), figure("injected_ml", "contrast agent", "ml"),
+];
+const kOfInstrument = [
+  figure("tip_path_mm", "path of the tip", "mm"), figure("idle_s", "idle", "s"), figure("turned_deg", "turned", "°"), figure("turn_backs", "changes of the turn"), figure("reversals", "reversals"),
+  figure("largest_force_N", "largest force at the hub", "N", 2), figure("mean_force_N", "mean force at the hub", "N", 2), figure("largest_torque_mNm", "largest torque at the hub", "mN m", 2),
+  figure("mean_torque_mNm", "mean torque at the hub", "mN m", 2), figure("largest_wall_force_N", "largest force on the wall", "N", 2), figure("wall_impulse_Ns", "impulse on the wall above 0.1 N", "N s", 2),
+  figure("slips", "slips"), figure("whips", "whips"), figure("exchanges", "exchanges"),
+];
+const kOverTime = [figure("insertion_mm", "insertion", "mm"), figure("force_N", "force at the hub", "N", 2), figure("wall_force_N", "force on the wall", "N", 2)];
+
+type Figures = Record<string, number>;
+
+export interface ExerciseReport {
+  is_complete: boolean;
+  is_passed: boolean;
+  targets: { name: string; reached_s: number | null }[];
+  forbidden_entries: { name: string; time_s: number }[];
+  limits: { name: string; limit: number; passed_s: number | null }[];
 }
 
-export function figures_of(numbers: ArrayLike<number>, { fluoroscopy_s, injected_ml }: Use): Figures {
-  const count = Math.floor((numbers.length - 2) / kFigures.length);
-  const instruments = Array.from({ length: count }, (_, d) => Object.fromEntries(kFigures.map(({ name, times }, k) => [name, times * numbers[2 + d * kFigures.length + k]!])));
-  return { time_s: numbers[0]!, idle_s: numbers[1]!, fluoroscopy_s, injected_ml, instruments };
+export interface RunReport {
+  instruments: (Figures & { name: string })[];
+  exercise?: ExerciseReport;
+  series?: { time_s: number[]; instruments: Record<string, number[]>[] };
 }
+
+const shown = (figures: Figures, { name, unit, digits }: Figure) => (figures[name] === undefined ? "" : `${fixed(figures[name], digits)}${unit === "°" ? "" : " "}${unit}`.trim());
 
 export class Report {
   private readonly list = element<HTMLDetailsElement>("report");
   private readonly table = element<HTMLTableElement>("report-table");
-  private figures: Figures | null = null;
+  private readonly charts: SeriesChart[];
+  private report: RunReport | null = null;
 
-  constructor(private readonly names: readonly string[], save: (text: string) => void) {
+  constructor(show_series: (is_shown: boolean) => void, save: () => void) {
     this.list.hidden = false;
-    this.list.addEventListener("toggle", () => this.show());
-    element("save-report").addEventListener("click", () => save(this.json()));
+    this.charts = kOverTime.map(({ words, unit, digits }) => new SeriesChart(element("report-charts"), `${words}, ${unit}`, digits));
+    this.list.addEventListener("toggle", () => {
+      show_series(this.list.open);
+      this.show();
+    });
+    element("save-report").addEventListener("click", save);
   }
 
-  told(figures: Figures): void {
-    this.figures = figures;
+  told(report: RunReport): void {
+    this.report = report;
     this.show();
-  }
-
-  json(): string {
-    const instruments = this.figures?.instruments.map((figures, d) => ({ name: this.names[d], ...figures }));
-    return `${JSON.stringify({ version: 1, ...this.figures, instruments }, null, 1)}\n`;
+    if (!report.series || !this.list.open) return;
+    const { time_s, instruments } = report.series;
+    kOverTime.forEach(({ name }, k) => this.charts[k]!.draw(time_s, instruments.map((values, d) => ({ name: report.instruments[d]!.name, values: values[name]! }))));
   }
 
   private show(): void {
-    if (!this.list.open || !this.figures) return;
-    const { time_s, idle_s, fluoroscopy_s, injected_ml, instruments } = this.figures;
+    if (!this.list.open || !this.report) return;
+    const { instruments } = this.report, run = this.report as unknown as Figures;
     const row = (kind: "td" | "th", words: string, ...values: string[]) => {
       const row = document.createElement("tr"), name = Object.assign(document.createElement("th"), { scope: "row", textContent: words });
       row.append(name, ...values.map((textContent) => Object.assign(document.createElement(kind), { textContent })));
       return row;
     };
     this.table.replaceChildren(
-      row("td", "time", `${fixed(time_s, 0)} s`), row("td", "idle", `${fixed(idle_s, 0)} s`), row("td", "fluoroscopy", `${fixed(fluoroscopy_s, 0)} s`),
-      row("td", "contrast agent", `${fixed(injected_ml, 0)} ml`), row("th", "", ...this.names),
-      ...kFigures.map(({ name, words, unit, digits }) => row("td", words, ...instruments.map((figures) => `${fixed(figures[name]!, digits)}${unit === "°" ? "" : " "}${unit}`.trim()))),
+      ...kOfRun.map((figure) => row("td", figure.words, shown(run, figure))), row("th", "", ...instruments.map(({ name }) => name)),
+      ...kOfInstrument.map((figure) => row("td", figure.words, ...instruments.map((figures) => shown(figures, figure)))),
     );
   }
 }

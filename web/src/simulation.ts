@@ -11,7 +11,8 @@ interface Exports {
   trainer_exchange(instrument: number, choice: number): number;
   trainer_advance(steps: number): void;
   trainer_follow(): void;
-  trainer_figures(): number;
+  trainer_report(has_series: boolean): number;
+  trainer_take_steps(): number;
   trainer_message(): number;
   trainer_message_size(): number;
 }
@@ -76,9 +77,14 @@ export class Simulation {
     return new Float64Array(this.calls.memory.buffer, at, 5 * instruments).slice();
   }
 
-  /** What the instruments did so far; see report.ts. */
-  figures(): Float64Array {
-    const count = this.calls.trainer_figures();
+  /** What the instruments did so far, as JSON; see report.ts. */
+  report(has_series: boolean): string {
+    return this.text_at(this.calls.trainer_report(has_series))!;
+  }
+
+  /** Of each step since this was asked before: the time in s, and an insertion in mm and a rotation in rad of each hub. */
+  take_steps(): Float64Array {
+    const count = this.calls.trainer_take_steps();
     return new Float64Array(this.calls.memory.buffer, this.calls.trainer_room(count), count).slice();
   }
 

@@ -1,15 +1,18 @@
 // A session without a server: the simulation runs in a worker of the page.
 import type { LinkListener, SessionLink } from "./connection";
 import type { Trainer } from "./data";
+import type { RunReport } from "./report";
 import type { FromWorker, Order, ToWorker } from "./trainer_worker";
 
 declare const kWorker: string; // its program, which build.mjs puts here
 
 export interface TrainerListener extends LinkListener {
+  moved(steps: Float64Array): void;
   exchanged(instrument: number, choice: number): void;
   refused(why: string): void;
   failed(why: string): void;
-  figures(numbers: Float64Array): void;
+  reported(report: RunReport): void;
+  saves(report: RunReport): void;
 }
 
 // Modules of a function each: one has vectors, the other catches exceptions. The simulation has both.
@@ -42,11 +45,14 @@ export class TrainerLink implements SessionLink {
   }
 
   private take(message: FromWorker): void {
-    if (message instanceof ArrayBuffer) {
+    if ("message" in message) {
       this.post("read");
-      this.listener.told(message);
-    } else if ("figures" in message) {
-      this.listener.figures(message.figures);
+      this.listener.moved(message.steps);
+      this.listener.told(message.message);
+    } else if ("report" in message) {
+      this.listener.reported(this.report_of(message.report));
+    } else if ("saved" in message) {
+      this.listener.saves(this.report_of(message.saved));
     } else if ("failure" in message) {
       this.listener.failed(this.named(message.failure));
     } else {
@@ -54,6 +60,12 @@ export class TrainerLink implements SessionLink {
       if (refusal !== null) this.listener.refused(this.named(refusal));
       else this.listener.exchanged(instrument, choice);
     }
+  }
+
+  private report_of(text: string): RunReport {
+    const report = JSON.parse(text) as RunReport;
+    for (const instrument of report.instruments) instrument.name = this.named(instrument.name);
+    return report;
   }
 
   /** The simulation knows instruments by their numbers. */

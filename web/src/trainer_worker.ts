@@ -12,20 +12,22 @@ export interface Order extends HandHolds {
   next_hub?: boolean;
   valve?: boolean;
   exchange?: { instrument: number; choice: number };
+  shows_series?: boolean; // of reports from now on
+  save_report?: boolean;
 }
 export type ToWorker = Start | Order | "read";
 
-/** A message of the simulation, what its instruments did so far, what became of an exchange, or why it ended. */
-export type FromWorker = ArrayBuffer | { figures: Float64Array } | { exchanged: { instrument: number; choice: number; refusal: string | null } } | { failure: string };
+/** A message of the simulation, with the steps to it; what its instruments did so far; that to be saved; what became of an exchange; or why it ended. */
+export type FromWorker = { message: ArrayBuffer; steps: Float64Array } | { report: string } | { saved: string } | { exchanged: { instrument: number; choice: number; refusal: string | null } } | { failure: string };
 
 const kWait_ms = 2, kMessages_ms = 1000 / 30; // at least between two of them
-const kFigures_ms = 500; // between reports
+const kReports_ms = 500, kSeries_ms = 2000; // between reports, and between those with values over time
 const kMostLate_ms = 100; // after which the clock is reset, as of a machine that was suspended
 const kMostSteps = 20; // before messages are read
 
 const scope = self as unknown as { postMessage(message: FromWorker, transfer?: Transferable[]): void };
 let simulation: Simulation | null = null, is_read = true;
-let stepped_ms = 0, told_ms = -Infinity, reported_ms = -Infinity;
+let stepped_ms = 0, told_ms = -Infinity, reported_ms = -Infinity, series_ms = -Infinity, shows_series = false;
 
 function tick(): void {
   const now_ms = performance.now();
@@ -36,11 +38,13 @@ function tick(): void {
   if (is_read && now_ms - told_ms >= kMessages_ms) {
     told_ms = now_ms;
     is_read = false;
-    const message = simulation!.message();
-    scope.postMessage(message, [message]);
-    if (now_ms - reported_ms >= kFigures_ms) {
+    const message = simulation!.message(), poses = simulation!.take_steps();
+    scope.postMessage({ message, steps: poses }, [message, poses.buffer as ArrayBuffer]);
+    if (now_ms - reported_ms >= kReports_ms) {
       reported_ms = now_ms;
-      scope.postMessage({ figures: simulation!.figures() });
+      const has_series = shows_series && now_ms - series_ms >= kSeries_ms;
+      if (has_series) series_ms = now_ms;
+      scope.postMessage({ report: simulation!.report(has_series) });
     }
   }
   setTimeout(guarded, steps === kMostSteps ? 0 : kWait_ms);
@@ -69,6 +73,11 @@ function obey(order: Order): void {
   simulation.hold(order);
   if (order.next_hub) simulation.hold_next_hub();
   if (order.valve) simulation.toggle_valve();
+  if (order.shows_series !== undefined) {
+    shows_series = order.shows_series;
+    series_ms = -Infinity;
+  }
+  if (order.save_report) scope.postMessage({ saved: simulation.report(true) });
   if (!order.exchange) return;
   const { instrument, choice } = order.exchange;
   scope.postMessage({ exchanged: { instrument, choice, refusal: simulation.exchange(instrument, choice) } });

@@ -47,6 +47,13 @@ export function pixel_on_detector_mm(v: View, i: number, j: number): Vec3 {
   return add(add(add(v.centre_mm, times(beyond_mm, towards_detector(v))), across), upwards);
 }
 
+/** Where a point is shown, in pixels from the upper left corner, and the pixels of a millimetre there. */
+export function shown_at(v: View, point_mm: Vec3): { x: number; y: number; pixels_per_mm: number } {
+  const away = minus(point_mm, v.centre_mm), { cone } = v;
+  const pixels_per_mm = (cone ? cone.source_detector_mm / (cone.source_axis_mm + dot(away, towards_detector(v))) : 1) / v.pixel_mm;
+  return { x: 0.5 * v.width + dot(away, right_of(v)) * pixels_per_mm, y: 0.5 * v.height - dot(away, up_of(v)) * pixels_per_mm, pixels_per_mm };
+}
+
 /** The pixel size with which the body's circle and its whole height fit (viewer/xraycast/sampling/pose.cpp, `fitted`). */
 export function fitting_pixel_mm(v: Omit<View, "pixel_mm">, bounds: Bounds): number {
   const half_height_mm = 0.5 * bounds.finest_mm * Math.max(1, Math.ceil((2 * bounds.half_height_mm) / bounds.finest_mm - 1e-6));

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <array>
+#include <fstream>
 
 namespace xraycast {
 namespace {
@@ -43,6 +44,24 @@ decltype(auto) naming(const std::filesystem::path& path, const char* what, const
   } catch (const std::exception& error) {
     throw Error("{}: {}: {}", path.string(), what, error.what());
   }
+}
+
+/// The same where only the file can be at fault.
+template <typename Work>
+decltype(auto) readable(const std::filesystem::path& path, const Work& work) {
+  try {
+    return work();
+  } catch (const std::exception& error) {
+    throw InputError("{}: could not be read: {}; make the picture again", path.string(),
+                     excerpt(error.what()));
+  }
+}
+
+bool is_png(const std::filesystem::path& path) {
+  constexpr std::array<char, 4> kMagic{'\x89', 'P', 'N', 'G'};
+  std::ifstream in(path, std::ios::binary);
+  std::array<char, 4> first{};
+  return in.read(first.data(), first.size()) && first == kMagic;
 }
 
 }  // namespace
@@ -85,7 +104,9 @@ RgbPicture read_picture(const std::filesystem::path& path) {
 }
 
 FloatPicture read_grey_picture(const std::filesystem::path& path, int page) {
-  return naming(path, "could not be read", [&] { return formats().read_grey(path.string(), page); });
+  if (is_png(path)) return readable(path, [&] { return read_grey_png(path); });
+  const PictureFormats& formats = naming(path, "could not be read", xraycast::formats);
+  return readable(path, [&] { return formats.read_grey(path.string(), page); });
 }
 
 }  // namespace xraycast

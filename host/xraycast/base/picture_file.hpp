@@ -59,8 +59,8 @@ struct FloatPicture {
 };
 
 /// The numbers of a page of a picture file, as they are stored, whatever their type; the mean of colours.
-/// Throws Error when it cannot be read, has more than 16384 pixels along a side, or when there is no
-/// OpenImageIO.
+/// Throws InputError when it cannot be read or has more than 8192 pixels along a side; Error when, for a file
+/// that is no PNG, there is no OpenImageIO.
 FloatPicture read_grey_picture(const std::filesystem::path& path, int page = 0);
 
 }  // namespace xraycast

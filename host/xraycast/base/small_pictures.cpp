@@ -19,6 +19,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <csetjmp>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <half.h>
@@ -90,6 +92,81 @@ RgbPicture read_png_file(const std::filesystem::path& path) {
   constexpr png_color kBlack{};
   if (!png_image_finish_read(&image, &kBlack, picture.rgb.data(), 0, nullptr))
     throw Error("{}", image.message);
+  return picture;
+}
+
+namespace {
+
+/// What reads a PNG, and the file that it reads.
+struct PngReading {
+  std::FILE* file = nullptr;
+  png_structp png = nullptr;
+  png_infop info = nullptr;
+  std::string problem{};  ///< what libpng says, which would write it on stderr
+
+  explicit PngReading(const std::filesystem::path& path) : file(std::fopen(path.c_str(), "rb")) {
+    if (!file) throw InputError("{}", std::strerror(errno));
+    const auto fail = [](png_structp failed, png_const_charp message) {
+      static_cast<PngReading*>(png_get_error_ptr(failed))->problem = message;
+      png_longjmp(failed, 1);
+    };
+    png = png_create_read_struct(PNG_LIBPNG_VER_STRING, this, fail, [](png_structp, png_const_charp) {});
+    info = png_create_info_struct(png);
+    png_init_io(png, file);
+  }
+  PngReading(const PngReading&) = delete;
+  PngReading& operator=(const PngReading&) = delete;
+  ~PngReading() {
+    png_destroy_read_struct(&png, &info, nullptr);
+    std::fclose(file);
+  }
+
+  /// Runs calls of libpng, which leave no object to destroy where one of them fails.
+  template <typename Calls>
+  void run(const Calls& calls) {
+    if (setjmp(png_jmpbuf(png)) == 0)
+      calls();
+    else
+      throw InputError("{}", problem);
+  }
+};
+
+}  // namespace
+
+FloatPicture read_grey_png(const std::filesystem::path& path) {
+  PngReading reading(path);
+  const png_structp png = reading.png;
+  const png_infop info = reading.info;
+  reading.run([&] {
+    png_read_info(png, info);
+    png_set_expand(png);
+    png_set_strip_alpha(png);
+    png_set_interlace_handling(png);
+    png_read_update_info(png, info);
+  });
+  const auto width = png_get_image_width(png, info), height = png_get_image_height(png, info);
+  constexpr png_uint_32 kMostPixels = 8192;
+  if (width > kMostPixels || height > kMostPixels)
+    throw InputError("it has more than {} pixels along a side", kMostPixels);
+  const std::size_t row_B = png_get_rowbytes(png, info), channels = png_get_channels(png, info);
+  const bool has_16_bits = png_get_bit_depth(png, info) == 16;
+  const std::int64_t pixels = std::int64_t{width} * height,
+                     size_B = static_cast<std::int64_t>(row_B * height) + 4 * pixels;
+  require_memory("reading a PNG", {size_B, size_B});
+  std::vector<png_byte> bytes(row_B * height);
+  std::vector<png_bytep> rows;
+  for (png_uint_32 y = 0; y < height; ++y) rows.push_back(bytes.data() + row_B * y);
+  reading.run([&] { png_read_image(png, rows.data()); });
+
+  FloatPicture picture{static_cast<int>(width), static_cast<int>(height), {}, false};
+  picture.grey.reserve(static_cast<std::size_t>(pixels));
+  const png_byte* next = bytes.data();
+  while (picture.grey.size() < static_cast<std::size_t>(pixels)) {
+    int sum = 0;
+    for (std::size_t c = 0; c < channels; ++c, next += has_16_bits ? 2 : 1)
+      sum += has_16_bits ? 256 * next[0] + next[1] : next[0];
+    picture.grey.push_back(static_cast<float>(sum) / static_cast<float>(channels));
+  }
   return picture;
 }
 

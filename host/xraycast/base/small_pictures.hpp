@@ -19,6 +19,10 @@ namespace xraycast {
 /// be read or does not fit into memory.
 RgbPicture read_png_file(const std::filesystem::path& path);
 
+/// The same of a PNG's numbers, of 8 or 16 bits, as read_grey_picture. Throws InputError without the file's
+/// name.
+FloatPicture read_grey_png(const std::filesystem::path& path);
+
 /// One picture of an OpenEXR file.
 struct ExrPart {
   std::string name{};  ///< different in each part; may be empty in a file of one part

@@ -56,6 +56,11 @@ const CentrelineFormat* centreline_format(const std::filesystem::path& path) {
   return format == std::end(kCentrelineFormats) ? nullptr : format;
 }
 
+bool has_all_radii(const CentrelineLine& line) {
+  return !line.radii_mm.empty() &&
+         std::ranges::none_of(line.radii_mm, [](double radius_mm) { return !(radius_mm > 0); });
+}
+
 /// The line's points in LPS millimetres, with a radius each.
 class CentrelineCompletion {
  public:
@@ -136,6 +141,9 @@ std::vector<CentrelineLine> read_centreline_lines(const std::filesystem::path& p
                        path.string(), extension_of(path));
     StoredCentrelines stored = is_folder ? read_own_tree(path) : format->read(path);
     if (stored.lines.empty()) throw InputError("{}: the file has no lines", path.string());
+    if (options.radius_mm && std::ranges::all_of(stored.lines, has_all_radii))
+      throw InputError("{}: `radius_mm` does not apply, as all points have radii; leave it out",
+                       path.string());
     const CentrelineCompletion completion(path.string(), stored.is_lps, options);
     for (std::size_t i = 0; i < stored.lines.size(); ++i) completion.complete(stored.lines[i], i);
     return std::move(stored.lines);

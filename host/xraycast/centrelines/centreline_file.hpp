@@ -44,7 +44,8 @@ bool is_centreline_file(const std::filesystem::path& path);
 /// - `.json`, or a folder with tree.vtp: read_tree's.
 ///
 /// Nothing in the file is trusted. Throws InputError, naming file and field, also for points without a radius
-/// where none is given (`radius_mm`), and for numbers beyond any body (`unit`).
+/// where none is given (`radius_mm`), one that is given where all have theirs, and for numbers beyond any
+/// body (`unit`).
 std::vector<CentrelineLine> read_centreline_lines(const std::filesystem::path& path,
                                                   const CentrelineOptions& options = {});
 

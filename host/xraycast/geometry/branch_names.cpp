@@ -86,7 +86,9 @@ std::string vessel_name(const nlohmann::json& value, const std::string& field) {
 std::string vessel_name_of(std::string_view text) {
   const std::string line = printable_line(text);
   std::string name(trimmed(line));
-  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c < 0; };
+  const auto is_letter = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || static_cast<unsigned char>(c) >= 0x80;
+  };
   if (std::none_of(name.begin(), name.end(), is_letter)) return {};
   std::size_t end = std::min(name.size(), kLongestName);
   while (end < name.size() && (name[end] & 0xC0) == 0x80) --end;  // within a letter of UTF-8

@@ -110,10 +110,10 @@ std::vector<float> channel(std::span<const float> gradient, std::size_t k) {
   return values;
 }
 
-/// Of pictures' edges, and of their changes with the pose.
+/// Of pictures' edges, and of their changes with the pose; none of these where only the pose is wanted.
 struct EdgesWithSlopes {
   Edges edges;
-  std::array<Edges, 6> slopes;
+  std::array<Edges, 6> slopes{};
 };
 
 EdgesWithSlopes edges_with_slopes(const std::vector<float>& means, std::span<const float> gradient,
@@ -128,13 +128,6 @@ EdgesWithSlopes edges_with_slopes(const std::vector<float>& means, std::span<con
           edges_of(spread(channel(gradient, static_cast<std::size_t>(k)), view), width, height);
   });
   return all;
-}
-
-/// One number a pixel and direction, from pairs of pictures.
-template <typename Visit>
-void for_both(const Visit& visit) {
-  visit(&Edges::across);
-  visit(&Edges::down);
 }
 
 /// Squares of differences, but for large ones: those grow towards the threshold's square (Geman and McClure,
@@ -241,9 +234,10 @@ double median_of_sizes(std::vector<double> values) {
 /// The differences of normalised edges about a pose, as sums over their pixels: with a step s, given in
 /// kUnits, their weighted squares are cost - 2 slope * s + s * normal * s.
 struct PoseFit::Linear {
-  double cost = 0, similarity = 0;  ///< Geman and McClure's; the mean over the views
+  double cost = 0;                     ///< Geman and McClure's
+  std::vector<double> similarities{};  ///< of each view
   std::int64_t count = 0;
-  Vector6 slope = Vector6::Zero();
+  Vector6 slope = Vector6::Zero();  ///< zero, as is `normal`, of a fit without derivatives
   Matrix6 normal = Matrix6::Zero();
   std::vector<double> sizes{};  ///< of the differences, where a threshold is still wanted
 };
@@ -293,13 +287,6 @@ std::vector<double> PoseFit::similarities(std::span<const RigidMotion> motions, 
   return sums;
 }
 
-std::vector<double> PoseFit::similarities_of_views(const RigidMotion& motion, Progress& progress) const {
-  std::vector<double> all;
-  for (const ViewLevel& view : views_)
-    all.push_back(PoseFit(scan_, std::span(&view, 1)).similarities(std::span(&motion, 1), progress)[0]);
-  return all;
-}
-
 std::vector<ToneCurve> PoseFit::tones_at(const RigidMotion& motion, std::span<const ToneCurve> now,
                                          Progress& progress) const {
   std::vector<ToneCurve> curves(now.begin(), now.end());
@@ -325,121 +312,162 @@ struct PoseFit::Seen {
   EdgesWithSlopes moving{};
 };
 
-std::vector<PoseFit::Seen> PoseFit::seen_from(const RigidMotion& motion, Progress& progress) const {
+std::vector<PoseFit::Seen> PoseFit::seen_from(const RigidMotion& motion, bool with_slopes,
+                                              Progress& progress) const {
   std::vector<Seen> all;
   for (const ViewLevel& whole : views_) {
     const PinholeCamera camera = seeing(whole.camera, motion);
     if (!is_before(camera, scan_.geometry())) return {};
     const PictureBox part = shown_box(whole, camera, scan_.geometry());
     Seen& seen = all.emplace_back(Seen{.whole = &whole, .part = part, .view = part_of(whole, part)});
-    const PoseGradient picture =
-        project_with_gradient(scan_, seeing(seen.view.camera, motion), Opacity::paper(), progress);
+    const PinholeCamera there = seeing(seen.view.camera, motion);
+    PoseGradient picture;
+    if (with_slopes)
+      picture = project_with_gradient(scan_, there, Opacity::paper(), progress);
+    else
+      picture.tau = project(scan_, there, Opacity::paper(), progress, Sampling::everywhere);
     ++projections_;
-    const std::vector<float> means = spread(picture.tau, seen.view);
+    const std::vector<float> means = spread(std::move(picture.tau), seen.view);
     seen.shown = showing(means, seen.view);
-    seen.moving = edges_with_slopes(means, picture.gradient, seen.view);
+    if (with_slopes)
+      seen.moving = edges_with_slopes(means, picture.gradient, seen.view);
+    else
+      seen.moving.edges = edges_of(means, seen.view.camera.width, seen.view.camera.height);
   }
   return all;
 }
 
-void PoseFit::add_view(const Seen& seen, double threshold, Linear& fit) const {
+/// Of a view's edges along one direction.
+PoseFit::Linear PoseFit::fit_of(const Seen& seen, EdgesOf edges, double threshold) const {
   const auto& [whole, part, view, shown, moving] = seen;
-  for_both([&](auto edges) {
-    const std::vector<float>&f = view.edges.*edges, &m = moving.edges.*edges;
-    const Normal of_f = normal_of(f, shown), of_m = normal_of(m, shown);
-    if (!(of_f.norm > 0) || !(of_m.norm > 0)) return;
-    // A change of the pose changes mean and norm too: what is left of it is orthogonal to both.
-    Vector6 slope_mean = Vector6::Zero(), along = Vector6::Zero();
-    double count = 0, product = 0;
-    std::vector<float> wanted(f.size()), own(f.size());
-    for (std::size_t i = 0; i < f.size(); ++i) {
-      if (shown[i] == 0) continue;
-      ++count;
-      own[i] = static_cast<float>((m[i] - of_m.mean) / of_m.norm);
-      wanted[i] = static_cast<float>((f[i] - of_f.mean) / of_f.norm);
-      product += static_cast<double>(own[i]) * wanted[i];
-      for (int k = 0; k < 6; ++k) {
-        const double slope = (moving.slopes[static_cast<std::size_t>(k)].*edges)[i];
-        slope_mean[k] += slope;
-        along[k] += slope * own[i];
-      }
+  const std::vector<float>&f = view.edges.*edges, &m = moving.edges.*edges;
+  const Normal of_f = normal_of(f, shown), of_m = normal_of(m, shown);
+  Linear fit;
+  fit.similarities = {0};
+  if (!(of_f.norm > 0) || !(of_m.norm > 0)) return fit;
+  const bool has_slopes = !(moving.slopes[0].*edges).empty();
+  const auto slope_at = [&](std::size_t k, std::size_t i) -> double { return (moving.slopes[k].*edges)[i]; };
+  // A change of the pose changes mean and norm too: what is left of it is orthogonal to both.
+  Vector6 slope_mean = Vector6::Zero(), along = Vector6::Zero();
+  double count = 0, product = 0;
+  std::vector<float> wanted(f.size()), own(f.size());
+  for (std::size_t i = 0; i < f.size(); ++i) {
+    if (shown[i] == 0) continue;
+    ++count;
+    own[i] = static_cast<float>((m[i] - of_m.mean) / of_m.norm);
+    wanted[i] = static_cast<float>((f[i] - of_f.mean) / of_f.norm);
+    product += static_cast<double>(own[i]) * wanted[i];
+    for (int k = 0; has_slopes && k < 6; ++k) {
+      const double slope = slope_at(static_cast<std::size_t>(k), i);
+      slope_mean[k] += slope;
+      along[k] += slope * own[i];
     }
-    slope_mean /= count;
-    fit.similarity += 0.5 * product / static_cast<double>(views_.size());
-    const std::vector<float> gains =
-        LocalGains(whole->camera.width, whole->camera.height, part).fitted(wanted, own, shown, threshold);
-    for (std::size_t i = 0; i < f.size(); ++i) {
-      if (shown[i] == 0) continue;
-      const double rest = wanted[i] - gains[i] * own[i];
-      Vector6 slope;
-      for (int k = 0; k < 6; ++k)
-        slope[k] =
-            gains[i] *
-            ((moving.slopes[static_cast<std::size_t>(k)].*edges)[i] - slope_mean[k] - own[i] * along[k]) /
-            of_m.norm * kUnits[k];
-      const double size = std::abs(rest), weight = weight_of(size, threshold);
-      if (threshold == std::numeric_limits<double>::infinity()) fit.sizes.push_back(rest);
-      fit.cost += cost_of(size, threshold);
-      fit.slope += weight * rest * slope;
-      fit.normal.selfadjointView<Eigen::Lower>().rankUpdate(slope, weight);
-      ++fit.count;
-    }
-  });
+  }
+  slope_mean /= count;
+  fit.similarities = {0.5 * product};
+  const std::vector<float> gains =
+      LocalGains(whole->camera.width, whole->camera.height, part).fitted(wanted, own, shown, threshold);
+  for (std::size_t i = 0; i < f.size(); ++i) {
+    if (shown[i] == 0) continue;
+    const double rest = wanted[i] - gains[i] * own[i], size = std::abs(rest),
+                 weight = weight_of(size, threshold);
+    if (threshold == std::numeric_limits<double>::infinity()) fit.sizes.push_back(rest);
+    fit.cost += cost_of(size, threshold);
+    ++fit.count;
+    if (!has_slopes) continue;
+    Vector6 slope;
+    for (int k = 0; k < 6; ++k)
+      slope[k] = gains[i] * (slope_at(static_cast<std::size_t>(k), i) - slope_mean[k] - own[i] * along[k]) /
+                 of_m.norm * kUnits[k];
+    fit.slope += weight * rest * slope;
+    fit.normal.selfadjointView<Eigen::Lower>().rankUpdate(slope, weight);
+  }
+  return fit;
 }
 
 PoseFit::Linear PoseFit::linear_fit(std::span<const Seen> seen, double threshold) const {
+  constexpr std::array<EdgesOf, 2> kDirections{&Edges::across, &Edges::down};
+  std::vector<Linear> parts(2 * seen.size());
+  parallel_for(std::ssize(parts), [&](std::int64_t number) {
+    const auto n = static_cast<std::size_t>(number);
+    parts[n] = fit_of(seen[n / 2], kDirections[n % 2], threshold);
+  });
   Linear fit;
+  fit.similarities.resize(seen.size());
   if (seen.empty()) fit.cost = std::numeric_limits<double>::infinity();
-  for (const Seen& one : seen) add_view(one, threshold, fit);
+  for (std::size_t n = 0; n < parts.size(); ++n) {
+    fit.cost += parts[n].cost;
+    fit.count += parts[n].count;
+    fit.similarities[n / 2] += parts[n].similarities[0];
+    fit.slope += parts[n].slope;
+    fit.normal += parts[n].normal;
+    fit.sizes.insert(fit.sizes.end(), parts[n].sizes.begin(), parts[n].sizes.end());
+  }
   fit.normal = fit.normal.selfadjointView<Eigen::Lower>();
   return fit;
 }
 
+/// In mm where the scan's middle is, as the first view shows it.
+double PoseFit::pixel_mm(const RigidMotion& motion) const {
+  const PinholeCamera camera = seeing(views_[0].camera, motion);
+  const glm::dvec3 middle = 0.5 * (scan_.geometry().lower_mm() + scan_.geometry().upper_mm());
+  const double depth_mm = (camera.rotation * middle + camera.translation_mm).z;
+  return std::abs(depth_mm / camera.intrinsics[0][0]);
+}
+
 PoseFit::Refined PoseFit::refine(const RigidMotion& start, int most_steps, Progress& progress) const {
   const glm::dvec3 middle = 0.5 * (scan_.geometry().lower_mm() + scan_.geometry().upper_mm());
+  // Less is not told apart at this level.
+  constexpr double kSmallestShare = 0.01, kSmallestGain = 1e-5;
+  const double smallest_mm = kSmallestShare * pixel_mm(start);
   RigidMotion motion = start;
-  const std::vector<Seen> first = seen_from(motion, progress);
+  const std::vector<Seen> first = seen_from(motion, true, progress);
   Linear fit = linear_fit(first, std::numeric_limits<double>::infinity());
   // Three times the standard deviation, by the median of the differences' sizes.
   const double threshold = 3 * 1.4826 * median_of_sizes(std::move(fit.sizes));
   if (threshold > 0) fit = linear_fit(first, threshold);
+  Matrix6 normal = fit.normal;
   double damping = 1e-3;
   int steps = 0;
   while (steps < most_steps && fit.count > 0 && damping < 1e6) {
-    ++steps;
     Matrix6 damped = fit.normal;
     damped.diagonal() *= 1 + damping;
     damped.diagonal().array() += 1e-12 * fit.normal.trace() + 1e-30;
     const Vector6 step = kUnits.cwiseProduct(damped.ldlt().solve(fit.slope));
-    if (!step.allFinite()) break;
+    if (!step.allFinite() || step.cwiseQuotient(kUnits).norm() < smallest_mm) break;
+    ++steps;
     // The derivatives are those by source and detector, which move against the scan.
     const RigidMotion trial = motion.after(
         turned_and_moved({step[3], step[4], step[5]}, {step[0], step[1], step[2]}, middle).inverse());
-    Linear after = linear_fit(seen_from(trial, progress), threshold > 0 ? threshold : 1);
+    const bool goes_on = steps < most_steps;
+    Linear after = linear_fit(seen_from(trial, goes_on, progress), threshold > 0 ? threshold : 1);
     const bool is_better = after.cost < fit.cost;
     const double gain = is_better ? 1 - after.cost / fit.cost : 0;
     if (is_better) {
       motion = trial;
       fit = std::move(after);
+      if (goes_on) normal = fit.normal;
       damping = std::max(damping / 5, 1e-9);
     } else {
       damping *= 10;
     }
-    constexpr double kSmallest_mm = 0.002, kSmallestGain = 1e-5;
-    const double length_mm = step.cwiseQuotient(kUnits).norm();
-    if (length_mm < kSmallest_mm || (is_better && gain < kSmallestGain)) break;
+    if (is_better && gain < kSmallestGain) break;
   }
-  Refined refined{
-      .motion = motion, .similarity = fit.count > 0 ? fit.similarity : -1, .sd = {}, .steps = steps};
+  Refined refined{.motion = motion, .similarities = fit.similarities, .sd = {}, .steps = steps};
+  if (fit.count == 0) refined.similarities.assign(views_.size(), -1);
   if (fit.count > 6) {
     // Edges of neighbouring pixels share their noise: about so many count as one.
     constexpr double kShared = 6;
     const double variance = kShared * fit.cost / static_cast<double>(fit.count - 6);
-    const Matrix6 covariance = variance * fit.normal.inverse();
+    const Matrix6 covariance = variance * normal.inverse();
     for (int k = 0; k < 6; ++k)
       refined.sd[static_cast<std::size_t>(k)] = kUnits[k] * std::sqrt(std::max(covariance(k, k), 0.0));
   }
   return refined;
+}
+
+double PoseFit::Refined::similarity() const {
+  return std::reduce(similarities.begin(), similarities.end()) / static_cast<double>(similarities.size());
 }
 
 }  // namespace xraycast

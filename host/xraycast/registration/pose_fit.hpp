@@ -25,19 +25,17 @@ class PoseFit {
   /// camera.
   std::vector<double> similarities(std::span<const RigidMotion> motions, Progress& progress) const;
 
-  /// That of each view.
-  std::vector<double> similarities_of_views(const RigidMotion& motion, Progress& progress) const;
-
   /// A pose that fits best, from one nearby: Gauss-Newton steps on the differences of normalised edges,
   /// damped as Levenberg and Marquardt do, by the projector's exact derivatives. What differs much counts
   /// less (Geman and McClure, Bull. Int. Statist. Inst. 52, 1987): instruments that the scan does not have.
   struct Refined {
     RigidMotion motion;
-    double similarity = -1;
+    std::vector<double> similarities{};  ///< the gradient NCC of each view; -1 where nothing is seen
     /// Standard deviations, by the curvature there and what is left of the differences: of the scan's middle
     /// along x, y and z in mm, and of its rotation about these axes in rad.
     std::array<double, 6> sd{};
     int steps = 0;
+    double similarity() const;  ///< their mean
   };
   Refined refine(const RigidMotion& start, int most_steps, Progress& progress) const;
 
@@ -51,10 +49,12 @@ class PoseFit {
  private:
   struct Seen;
   struct Linear;
+  using EdgesOf = std::vector<float> Edges::*;  ///< along one direction
   /// One a view; none where the scan lies behind a camera.
-  std::vector<Seen> seen_from(const RigidMotion& motion, Progress& progress) const;
+  std::vector<Seen> seen_from(const RigidMotion& motion, bool with_slopes, Progress& progress) const;
   Linear linear_fit(std::span<const Seen> seen, double threshold) const;
-  void add_view(const Seen& seen, double threshold, Linear& fit) const;
+  Linear fit_of(const Seen& seen, EdgesOf edges, double threshold) const;
+  double pixel_mm(const RigidMotion& motion) const;
 
   const ResidentScan& scan_;
   std::span<const ViewLevel> views_;

@@ -300,7 +300,7 @@ Registration Registrar::refined(Prepared& views, std::span<const RigidMotion> st
   // pose nearby. A film's frame has them from the one before, and lies near it.
   constexpr std::array kWhole{Stage{0, 3, 12}, Stage{1, 2, 12}, Stage{2, 1, 10}, Stage{3, 1, 8},
                               Stage{3, 1, 8}};
-  constexpr std::array kFilm{Stage{1, 1, 6}, Stage{2, 1, 5}, Stage{3, 1, 2}};
+  constexpr std::array kFilm{Stage{1, 1, 6}, Stage{2, 1, 5}, Stage{3, 1, 1}};
   const std::span<const Stage> stages =
       is_film ? std::span<const Stage>(kFilm) : std::span<const Stage>(kWhole);
   std::vector<Candidate> candidates;
@@ -314,7 +314,7 @@ Registration Registrar::refined(Prepared& views, std::span<const RigidMotion> st
     const PoseFit fit(pyramid_->level(stage.level), views.levels[stage.level]);
     for (Candidate& candidate : candidates) {
       last = fit.refine(candidate.motion, stage.steps, quiet);
-      candidate = {last.motion, last.similarity};
+      candidate = {last.motion, last.similarity()};
       progress.check();
     }
     constexpr double kApart_mm = 3;
@@ -331,12 +331,10 @@ Registration Registrar::refined(Prepared& views, std::span<const RigidMotion> st
     views.projections += fit.projections();
     progress.advance();
   }
-  const PoseFit fit(pyramid_->level(kLevels - 1), views.levels[kLevels - 1]);
-  return told(views, last, next_best, fit.similarities_of_views(last.motion, quiet));
+  return told(views, last, next_best);
 }
 
-Registration Registrar::told(const Prepared& views, const PoseFit::Refined& pose, double next_best,
-                             std::span<const double> similarities) const {
+Registration Registrar::told(const Prepared& views, const PoseFit::Refined& pose, double next_best) const {
   Registration found;
   found.motion = pose.motion;
   for (std::size_t v = 0; v < views.xrays.size(); ++v) {
@@ -346,7 +344,7 @@ Registration Registrar::told(const Prepared& views, const PoseFit::Refined& pose
                            .camera = camera,
                            .lao_rad = std::atan2(towards.x, -towards.y),
                            .cranial_rad = std::asin(std::clamp(towards.z, -1.0, 1.0)),
-                           .similarity = similarities[v],
+                           .similarity = pose.similarities[v],
                            .tone = views.tones[v],
                            .curve = views.curves[v]});
   }
@@ -358,13 +356,13 @@ Registration Registrar::told(const Prepared& views, const PoseFit::Refined& pose
   found.rms_mm = std::sqrt(glm::dot(sd_mm, sd_mm) + glm::dot(sd_rad * sd_rad, lever_2));
   found.evaluations = views.projections;
   constexpr double kLeastSimilarity = 0.2, kMostNextBest = 0.9;
-  found.is_sure = pose.similarity > kLeastSimilarity && next_best < kMostNextBest;
-  if (pose.similarity <= kLeastSimilarity)
+  found.is_sure = pose.similarity() > kLeastSimilarity && next_best < kMostNextBest;
+  if (pose.similarity() <= kLeastSimilarity)
     found.notes.push_back(
         fmt::format("the X-rays and the projections hardly agree (similarity {:.2f}), so the pose is not to "
                     "be relied on: "
                     "look at the overlay, and start nearer or search farther",
-                    pose.similarity));
+                    pose.similarity()));
   else if (!found.is_sure)
     found.notes.emplace_back(
         "another pose fits nearly as well: look at the overlay, and give another view or a nearer start");

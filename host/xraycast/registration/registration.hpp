@@ -82,8 +82,7 @@ class Registrar {
   void choose_tones(Prepared& views, const RigidMotion& motion) const;
   Registration refined(Prepared& views, std::span<const RigidMotion> starts, bool is_film,
                        Progress& progress) const;
-  Registration told(const Prepared& views, const PoseFit::Refined& pose, double next_best,
-                    std::span<const double> similarities) const;
+  Registration told(const Prepared& views, const PoseFit::Refined& pose, double next_best) const;
 
   ComputeDevice& device_;
   const Volume& scan_;

@@ -1,6 +1,6 @@
 #include "xraycast/given_vessels/inner_branches.hpp"
 
-#include "xraycast/skeleton/place_in_tube.hpp"
+#include "xraycast/evidence/place_in_tube.hpp"
 
 #include <algorithm>
 #include <iterator>

@@ -1,8 +1,8 @@
 #include "xraycast/given_vessels/wall_fit.hpp"
 
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/evidence/place_in_tube.hpp"
 #include "xraycast/geometry/segment_index.hpp"
-#include "xraycast/skeleton/place_in_tube.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>

@@ -1,6 +1,6 @@
 #include "xraycast/skeleton/inner_leaves.hpp"
 
-#include "xraycast/skeleton/place_in_tube.hpp"
+#include "xraycast/evidence/place_in_tube.hpp"
 
 #include <algorithm>
 #include <iterator>

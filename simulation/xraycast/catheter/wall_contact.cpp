@@ -323,17 +323,20 @@ void WallContact::rescale(std::size_t index, double scale) {
   MovingPoint& moving = moving_[index];
   const MovingBody::Place place = place_of(index, point_mm);
   if (goes_on) {
-    const Lanes share = all<Lanes>(1.0 / kLookUpSteps);
-    const auto correct = [share](Column & change, const Column& is, const Column& became)
-        __attribute__((always_inline)) {
-      add_to(change.data(), share * (load(is.data()) - load(became.data())));
+    constexpr double kShare = 1.0 / kLookUpSteps;
+    const auto correction = [](const Column& is, const Column& became) __attribute__((always_inline)) {
+      return kShare * (load(is.data()) - load(became.data()));
     };
-    correct(moving.moved_change_mm, place.moved_mm, moving.moved_mm);
+    add_to(moving.moved_change_mm.data(), correction(place.moved_mm, moving.moved_mm));
     for (std::size_t c = 0; c < 3; ++c)
-      correct(moving.jacobian_change[c], place.jacobian[c], moving.jacobian[c]);
+      add_to(moving.jacobian_change[c].data(), correction(place.jacobian[c], moving.jacobian[c]));
+    // A wall that jumped would push.
+    store(moving.catch_up_mm.data(), correction(place.scan_mm, moving.scan_mm));
+  } else {
+    moving.catch_up_mm = {};
+    moving.scan_mm = place.scan_mm;
   }
   store(moving.body_mm.data(), padded(point_mm));
-  moving.scan_mm = place.scan_mm;
   moving.moved_mm = place.moved_mm;
   moving.jacobian = place.jacobian;
   if (is_following_) moving.to_body = inverse_rows(place.jacobian);
@@ -355,6 +358,7 @@ void WallContact::rescale(std::size_t index, double scale) {
   sample.clearance_mm = scale * in_scan_mm;
   sample.gradient = scale * unpadded(by_body + transposed_times(moving.jacobian, turned));
   contact.depth_mm = std::max(0.0, radius_mm_ - sample.clearance_mm);
+  states_[index].sampled_at_mm = unpadded(load(moving.scan_mm.data()));
 }
 
 /// Where the wall is out of reach, that is all; else it is shifted or, where it was not sampled as the last
@@ -375,8 +379,8 @@ void WallContact::rescale(std::size_t index, double scale) {
     add_to(moving.moved_mm.data(), load(moving.moved_change_mm.data()));
     for (std::size_t c = 0; c < 3; ++c)
       add_to(moving.jacobian[c].data(), load(moving.jacobian_change[c].data()));
-    store(moving.scan_mm.data(),
-          load(moving.scan_mm.data()) + times(moving.jacobian, off_mm) + load(moving.moved_mm.data()));
+    store(moving.scan_mm.data(), load(moving.scan_mm.data()) + times(moving.jacobian, off_mm) +
+                                     load(moving.moved_mm.data()) + load(moving.catch_up_mm.data()));
     store(moving.body_mm.data(), padded(point_mm));
     if (turn % kLookUpSteps == 0) look_up(index, point_mm, true);
   }

@@ -127,7 +127,8 @@ class WallContact final : public ExternalPotential {
     /// By how much that and the jacobian change from step to step.
     Column moved_change_mm{};
     Columns jacobian_change{};
-    Columns to_body{};  ///< the inverse of the jacobian when it was looked up, by rows
+    Column catch_up_mm{};  ///< what scan_mm was off when it was looked up, as a share for each next step
+    Columns to_body{};     ///< the inverse of the jacobian when it was looked up, by rows
   };
   /// Four contacts whose friction is evaluated at once. Those beyond `count` repeat the first one.
   struct RubbingGroup {

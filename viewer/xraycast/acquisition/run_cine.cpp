@@ -187,4 +187,17 @@ std::vector<std::uint8_t> RunCine::picture() {
   return rgb;
 }
 
+RunUse RunCine::use() const {
+  RunUse use{.contrast_ml = injected_ml_};
+  const std::optional<ExposureRecord> exposure = acquisition_.record();
+  if (!exposure) return use;
+  use.fluoroscopy_s = exposure->dose.fluoroscopy_s;
+  use.exposures = exposure->dose.pulses;
+  use.cine_runs = exposure->is_fluoroscopy ? 0 : 1;
+  if (!exposure->has_dose) return use;
+  use.air_kerma_mGy = exposure->dose.air_kerma_mGy;
+  use.dap_Gycm2 = exposure->dose.dap_Gycm2;
+  return use;
+}
+
 }  // namespace xraycast

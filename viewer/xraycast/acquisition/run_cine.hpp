@@ -9,6 +9,7 @@
 #include "xraycast/scene/pulse_blur.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/injection.hpp"
+#include "xraycast/simulation/run_report.hpp"
 
 #include <cstdint>
 #include <memory>
@@ -63,6 +64,8 @@ class RunCine {
   std::int64_t most_frames(double longest_s) const;
 
   double injected_ml() const { return injected_ml_; }
+  /// So far; of a fluoroscope without a generator no dose.
+  RunUse use() const;
   /// What was not injected, because no lumen was free.
   double withheld_ml() const { return withheld_ml_; }
 

@@ -199,6 +199,20 @@ void make_steered(ExportRequest& request, const RunRequest& run, const std::vect
   request.catheters.clear();
 }
 
+void add_exercises(ExportRequest& request, const std::vector<Exercise>& exercises) {
+  const std::shared_ptr<const VesselTree>& tree = request.trainer->tree;
+  for (const Exercise& exercise : exercises) {
+    TrainerSetup setup{.tree = tree, .exercise = to_json(exercise)};
+    setup.choices = instruments_named(exercise.instruments);
+    for (std::size_t d = 0; d < setup.choices.size(); ++d) setup.used.push_back(d);
+    setup.entry = find_entry(*tree, exercise.entry, setup.choices.front());
+    for (const InstrumentModel& model : instruments_named(exercise.devices))
+      if (std::ranges::find(setup.choices, model.name(), &InstrumentModel::name) == setup.choices.end())
+        setup.choices.push_back(model);
+    request.exercises.push_back({exercise, std::move(setup)});
+  }
+}
+
 ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
                            std::shared_ptr<const BodyMap> map, const RunRequest& run, bool has_hub) {
   ExportRequest request = request_of(session, std::move(map));

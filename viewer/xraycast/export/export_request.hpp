@@ -6,6 +6,7 @@
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
+#include "xraycast/simulation/exercise.hpp"
 #include "xraycast/trainer/trainer_setup.hpp"
 
 #include <cstdint>
@@ -33,6 +34,12 @@ struct LiveRun {
   std::vector<std::string> modes{};          ///< of the body's motion, in order; none where it is still
 };
 
+/// A task in a page that steers, with what its simulation takes.
+struct SteeredExercise {
+  Exercise exercise;
+  TrainerSetup setup;
+};
+
 /// A session to be shown elsewhere.
 struct ExportRequest {
   ExportFormat format = ExportFormat::page;
@@ -46,7 +53,8 @@ struct ExportRequest {
   std::vector<Surface> catheters{};  ///< that do not move
   std::optional<RecordedRun> run{};
   std::optional<LiveRun> live{};
-  std::optional<TrainerSetup> trainer{};  ///< with `live`: the page simulates its run itself
+  std::optional<TrainerSetup> trainer{};     ///< with `live`: the page simulates its run itself
+  std::vector<SteeredExercise> exercises{};  ///< with `trainer`: one of which is chosen in the page
   CArmPose pose{};
   Style style{};
   bool has_window =
@@ -93,6 +101,9 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
 /// Makes the page of a request steer the run's instruments by itself, from its first exposure on, with the
 /// run's and these others to choose from. The request has vessels. Throws InputError for what does not fit.
 void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others);
+
+/// Exercises in the tree of a page that steers. Throws InputError where instruments do not fit.
+void add_exercises(ExportRequest& request, const std::vector<Exercise>& exercises);
 
 /// The file. Throws InputError as check() does, and Error where there is not enough memory to pack it.
 std::string export_bytes(const ExportRequest& request);

@@ -228,16 +228,44 @@ PageJson add_live(const ExportRequest& session, Parts& parts) {
           {"modes", session.live->modes}};
 }
 
+PageJson choices_json(const TrainerSetup& setup) {
+  PageJson choices = PageJson::array();
+  for (const InstrumentModel& model : setup.choices)
+    choices.push_back(instrument_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
+  return choices;
+}
+
+/// Of an exercise, what its simulation takes behind the tree's numbers.
+PageJson add_exercise(const SteeredExercise& exercise, std::size_t number, Parts& parts) {
+  const std::vector<double> setup = packed(exercise.setup);
+  const std::span<const double> use = std::span(setup).subspan(packed_tree_size(exercise.setup));
+  parts.add("exercise_" + std::to_string(number),
+            std::string_view(reinterpret_cast<const char*>(use.data()), use.size_bytes()));
+  PageJson targets = PageJson::array();
+  for (const ExerciseTarget& target : exercise.exercise.targets) {
+    const TargetMark mark = mark_of(target, *exercise.setup.tree);
+    targets.push_back({{"name", target.name}, {"at_mm", list(mark.at_mm)}, {"radius_mm", mark.radius_mm}});
+  }
+  return {{"title", exercise.exercise.title},
+          {"task", exercise.exercise.task},
+          {"choices", choices_json(exercise.setup)},
+          {"used", exercise.setup.used},
+          {"targets", std::move(targets)}};
+}
+
 /// What the page's own simulation takes, and how each instrument that may be chosen is drawn.
 PageJson add_trainer(const ExportRequest& session, Parts& parts) {
   if (!session.trainer) return {};
   static_assert(std::endian::native == std::endian::little);  // as in browsers
   const std::vector<double> setup = packed(*session.trainer);
   parts.add("trainer", std::string_view(reinterpret_cast<const char*>(setup.data()), 8 * setup.size()));
-  PageJson choices = PageJson::array();
-  for (const InstrumentModel& model : session.trainer->choices)
-    choices.push_back(instrument_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
-  return {{"choices", std::move(choices)}, {"used", session.trainer->used}};
+  PageJson exercises = PageJson::array();
+  for (const SteeredExercise& exercise : session.exercises)
+    exercises.push_back(add_exercise(exercise, exercises.size(), parts));
+  return {{"choices", choices_json(*session.trainer)},
+          {"used", session.trainer->used},
+          {"tree_numbers", packed_tree_size(*session.trainer)},
+          {"exercises", std::move(exercises)}};
 }
 
 PageJson window_to_json(const GreyWindow& window) {

@@ -14,6 +14,17 @@ namespace {
 /// Of a millilitre of iodine, which the page has its own of.
 constexpr double kAnyAttenuation_per_mm = 1;
 
+std::vector<std::string> names_in(const TrainerSetup& setup) {
+  std::vector<std::string> names;
+  for (const InstrumentModel& model : setup.instruments()) names.push_back(model.name());
+  return names;
+}
+
+std::optional<ExerciseProgress> progress_of(const TrainerSetup& setup) {
+  if (setup.exercise.empty()) return std::nullopt;
+  return ExerciseProgress(parse_exercise(setup.exercise, "exercise", *setup.tree), *setup.tree);
+}
+
 }  // namespace
 
 Trainer::Trainer(TrainerSetup setup)
@@ -22,7 +33,7 @@ Trainer::Trainer(TrainerSetup setup)
       couplings_(device_, max_insertions_mm(setup_.instruments())),
       bolus_(*setup_.tree),
       contrast_(*setup_.tree, kAnyAttenuation_per_mm),
-      report_(instruments_) {
+      monitor_(instruments_, names_in(setup_), progress_of(setup_)) {
   message_.instruments.resize(instruments_.count());
 }
 
@@ -37,7 +48,7 @@ void Trainer::exchange(std::size_t instrument, std::size_t choice) {
     throw InputError("there is no instrument {} or {}", instrument, choice);
   instruments_.exchange(instrument, setup_.choices[choice]);
   setup_.used[instrument] = choice;
-  report_.exchanged(instrument, instruments_);
+  monitor_.exchanged(instrument, instruments_, setup_.choices[choice].name());
   couplings_.replace(instrument, {}, instruments_.max_insertion_mm(instrument));
 }
 
@@ -53,16 +64,27 @@ void Trainer::advance(int steps) {
       loads[d] = instruments_.load(d);
     }
     instruments_.step(couplings_.step({poses.data(), count}, {loads.data(), count}, instruments_.step_s()));
-    report_.add(instruments_);
+    count_step();
   }
 }
 
 void Trainer::follow(std::span<const HubPose> poses) {
   instruments_.step(poses);
-  report_.add(instruments_);
+  count_step();
   for (std::size_t d = 0; d < poses.size(); ++d)
     couplings_.replace(d, instruments_.pose(d), instruments_.max_insertion_mm(d));
 }
+
+void Trainer::count_step() {
+  monitor_.add(
+      instruments_,
+      {.fluoroscopy_s = message_.fluoroscopy_s, .exposures = pulses_, .contrast_ml = message_.injected_ml});
+  poses_.push_back(instruments_.time_s());
+  for (std::size_t d = 0; d < instruments_.count(); ++d)
+    poses_.insert(poses_.end(), {instruments_.pose(d).insertion_mm, instruments_.pose(d).rotation_rad});
+}
+
+std::vector<double> Trainer::take_steps() { return std::exchange(poses_, {}); }
 
 std::string Trainer::message() {
   let_flow();
@@ -96,6 +118,7 @@ void Trainer::let_flow() {
 
 void Trainer::expose() {
   ++message_.exposures;
+  if (hand_.pedal) ++pulses_;
   std::vector<glm::dvec3> nodes_mm;
   for (std::size_t d = 0; d < instruments_.count(); ++d) {
     instruments_.copy_nodes(d, nodes_mm);

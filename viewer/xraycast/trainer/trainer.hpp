@@ -5,12 +5,13 @@
 #include "xraycast/haptics/manual_device.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
-#include "xraycast/simulation/run_report.hpp"
+#include "xraycast/simulation/run_monitor.hpp"
 #include "xraycast/trainer/browser_message.hpp"
 #include "xraycast/trainer/trainer_setup.hpp"
 
 #include <span>
 #include <string>
+#include <vector>
 
 namespace xraycast {
 
@@ -46,9 +47,14 @@ class Trainer {
   std::string message();
 
   const Instruments& instruments() const { return instruments_; }
-  const RunFigures& figures() const { return report_.figures(); }  ///< so far
+  const RunMonitor& monitor() const { return monitor_; }
+
+  /// Since this was asked before, of each step: the time in s, and an insertion in mm and a rotation in rad
+  /// of each hub.
+  std::vector<double> take_steps();
 
  private:
+  void count_step();
   void let_flow();
   void expose();
 
@@ -58,9 +64,11 @@ class Trainer {
   HubCouplings couplings_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
-  RunReport report_;
+  RunMonitor monitor_;
+  std::vector<double> poses_;  ///< of the steps that were not taken yet
   TrainerHand hand_;
-  double told_s_ = 0;  ///< when the last message was
+  double told_s_ = 0;     ///< when the last message was
+  long long pulses_ = 0;  ///< exposures with the pedal down
   BrowserMessage message_;
 };
 

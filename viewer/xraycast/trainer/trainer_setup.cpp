@@ -132,7 +132,15 @@ std::vector<double> packed(const TrainerSetup& setup) {
   for (const InstrumentModel& model : setup.choices) add_model(model.properties(), numbers);
   numbers.push_back(static_cast<double>(setup.used.size()));
   for (const std::size_t choice : setup.used) numbers.push_back(static_cast<double>(choice));
+  numbers.push_back(static_cast<double>(setup.exercise.size()));
+  for (const char byte : setup.exercise) numbers.push_back(static_cast<unsigned char>(byte));
   return numbers;
+}
+
+std::size_t packed_tree_size(const TrainerSetup& setup) {
+  std::vector<double> numbers;
+  add_tree(*setup.tree, numbers);
+  return numbers.size();
 }
 
 TrainerSetup trainer_setup_of(std::span<const double> packed) {
@@ -148,6 +156,8 @@ TrainerSetup trainer_setup_of(std::span<const double> packed) {
     choice = static_cast<std::size_t>(numbers.index());
     if (choice >= choices) throw InputError("{}: there are {} instruments", kName, choices);
   }
+  setup.exercise.resize(numbers.count());
+  for (char& byte : setup.exercise) byte = static_cast<char>(static_cast<unsigned char>(numbers.index()));
   return setup;
 }
 

@@ -6,6 +6,7 @@
 
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -16,6 +17,7 @@ struct TrainerSetup {
   std::vector<InstrumentModel> choices{};  ///< of instruments
   std::vector<std::size_t> used{};         ///< of these at first, from the outermost on
   VesselEnd entry{};
+  std::string exercise{};  ///< its JSON, with vessels by numbers (see to_json); empty: none
 
   std::vector<InstrumentModel> instruments() const;
 };
@@ -25,8 +27,12 @@ struct TrainerSetup {
 /// where that is entered at its start; the number of choices, and of each its radius and lumen in mm, mass in
 /// g/mm, axial stiffness in N, static and kinetic friction, the number of its sections, and of each its
 /// length in mm, bending and torsional stiffness in N mm2 and curvature per mm, two each (see
-/// InstrumentSection), and its plane in rad; and the number of instruments, and the choice of each.
+/// InstrumentSection), and its plane in rad; the number of instruments, and the choice of each; and the
+/// number of the bytes of the exercise, and each of them.
 std::vector<double> packed(const TrainerSetup& setup);
+
+/// How many of them are the tree's, with which they begin.
+std::size_t packed_tree_size(const TrainerSetup& setup);
 
 /// Throws InputError where numbers are missing, and as VesselTree and InstrumentModel.
 TrainerSetup trainer_setup_of(std::span<const double> numbers);

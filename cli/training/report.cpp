@@ -1,0 +1,73 @@
+#include "options/command.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/reports/run_comparison.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace xraycast::cli {
+namespace {
+
+struct ReportArguments {
+  std::vector<std::string> runs;
+  std::string output, reference, title = "Report of runs";
+};
+
+std::optional<SavedRun> reference_of(const std::string& file) {
+  if (file.empty()) return std::nullopt;
+  std::vector<SavedRun> runs = read_runs(file);
+  if (runs.size() != 1) throw InputError("--reference {}: has {} runs; give one", file, runs.size());
+  runs[0].name += " (reference)";
+  return std::move(runs[0]);
+}
+
+void report(const ReportArguments& options, Invocation& invocation) {
+  check_report_name(options.output, options.output);
+  check_writable(options.output);
+  const std::optional<SavedRun> reference = reference_of(options.reference);
+  std::vector<SavedRun> runs;
+  for (const std::string& file : options.runs)
+    for (SavedRun& run : read_runs(file)) runs.push_back(std::move(run));
+  if (runs.empty()) throw InputError("{}: holds no run", options.runs.front());
+  write_runs(options.output, runs, reference, options.title);
+  const auto passed = std::ranges::count_if(runs, [](const SavedRun& run) { return run.is_passed; });
+  const auto tasks = std::ranges::count_if(runs, [](const SavedRun& run) { return !run.exercise.empty(); });
+  Json result{{"file", options.output}, {"runs", runs.size()}, {"exercises", tasks}, {"passed", passed}};
+  invocation.report(result, fmt::format("{}: {}{}\n", options.output, pluralize(runs.size(), "run"),
+                                        tasks > 0 ? fmt::format(", {} of {} passed", passed, tasks) : ""));
+}
+
+}  // namespace
+
+void add_report(CLI::App& app, Invocation& invocation) {
+  const auto options = std::make_shared<ReportArguments>();
+  CLI::App* command =
+      add_command(app, invocation, "report", "Lay reports of runs side by side, over the runs and over time",
+                  "  xraycast report monday.json tuesday.json -o runs.html\n"
+                  "  xraycast report runs/*.json --reference expert.json -o runs.csv\n"
+                  "Reports are what `xraycast simulate --report` and a page's Save report write\n"
+                  "(docs/exercises.md), in the order in which the runs were made.",
+                  [options, &invocation] { report(*options, invocation); });
+  command->add_option("RUN", options->runs, "Reports of runs (.json)")->required()->type_name("RUN");
+  command
+      ->add_option("-o,--output", options->output,
+                   "A page with tables and plots (.html), a table with a line a run (.csv), or all as .json")
+      ->required()
+      ->type_name("HTML|CSV|JSON");
+  command
+      ->add_option("--reference", options->reference,
+                   "The report of a run with which the others are compared")
+      ->type_name("RUN");
+  command->add_option("--title", options->title, "The page's title")
+      ->capture_default_str()
+      ->type_name("TEXT");
+}
+
+}  // namespace xraycast::cli

@@ -1,0 +1,124 @@
+#include "xraycast/simulation/run_monitor.hpp"
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include <numbers>
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+using ReportJson = nlohmann::ordered_json;
+
+constexpr double kReportDegrees = 180 / std::numbers::pi, kMilli = 1000;
+
+template <typename Value>
+void put(ReportJson& json, const char* name, const std::optional<Value>& value) {
+  if (value) json[name] = *value;
+}
+
+ReportJson json_of(const std::optional<double>& value) { return value ? ReportJson(*value) : ReportJson(); }
+
+ReportJson json_of(const InstrumentFigures& f, const std::string& name) {
+  return {{"name", name},
+          {"tip_path_mm", f.path_mm},
+          {"idle_s", f.idle_s},
+          {"turned_deg", f.turned_rad * kReportDegrees},
+          {"turn_backs", f.turn_backs},
+          {"reversals", f.reversals},
+          {"largest_force_N", f.largest_N},
+          {"mean_force_N", f.mean_N},
+          {"largest_torque_mNm", kMilli * f.largest_Nm},
+          {"mean_torque_mNm", kMilli * f.mean_Nm},
+          {"largest_wall_force_N", f.largest_wall_N},
+          {"wall_impulse_Ns", f.wall_impulse_Ns},
+          {"slips", f.slips},
+          {"whips", f.whips},
+          {"exchanges", f.exchanges}};
+}
+
+ReportJson json_of(const ExerciseProgress& progress) {
+  const ExerciseState& state = progress.state();
+  ReportJson json{{"title", progress.exercise().title},       {"is_complete", state.is_complete()},
+                  {"is_passed", state.is_passed()},           {"targets", ReportJson::array()},
+                  {"forbidden_entries", ReportJson::array()}, {"limits", ReportJson::array()}};
+  for (const ExerciseState::Target& target : state.targets)
+    json["targets"].push_back({{"name", target.name}, {"reached_s", json_of(target.reached_s)}});
+  for (const ExerciseState::Entry& entry : state.forbidden_entries)
+    json["forbidden_entries"].push_back(
+        {{"name", entry.name}, {"instrument", entry.instrument + 1}, {"time_s", entry.time_s}});
+  for (const ExerciseState::Limit& limit : state.limits)
+    json["limits"].push_back({{"name", limit.name},
+                              {"limit", limit.limit},
+                              {"largest", json_of(limit.value)},
+                              {"passed_s", json_of(limit.passed_s)}});
+  return json;
+}
+
+ReportJson json_of(const RunSeries& series) {
+  ReportJson json{{"time_s", series.time_s}, {"instruments", ReportJson::array()}};
+  for (const RunSeries::Values& values : series.instruments) {
+    std::vector<double> torque_mNm = values.torque_Nm;
+    for (double& torque : torque_mNm) torque *= kMilli;
+    json["instruments"].push_back({{"insertion_mm", values.insertion_mm},
+                                   {"tip_path_mm", values.path_mm},
+                                   {"force_N", values.force_N},
+                                   {"torque_mNm", std::move(torque_mNm)},
+                                   {"wall_force_N", values.wall_N}});
+  }
+  return json;
+}
+
+}  // namespace
+
+RunMonitor::RunMonitor(const Instruments& instruments, std::vector<std::string> names,
+                       std::optional<ExerciseProgress> progress)
+    : names_(std::move(names)), report_(instruments), progress_(std::move(progress)) {
+  names_.resize(instruments.count());
+}
+
+void RunMonitor::add(const Instruments& instruments, const RunUse& use) {
+  report_.add(instruments, use);
+  if (progress_) progress_->add(instruments, report_);
+}
+
+void RunMonitor::exchanged(std::size_t instrument, const Instruments& instruments, const std::string& name) {
+  report_.exchanged(instrument, instruments);
+  names_[instrument] = name;
+}
+
+std::string RunMonitor::json(bool has_series) const {
+  const RunFigures& figures = report_.figures();
+  ReportJson json{{"version", 1}, {"time_s", figures.time_s}, {"idle_s", figures.idle_s}};
+  put(json, "fluoroscopy_s", figures.use.fluoroscopy_s);
+  put(json, "exposures", figures.use.exposures);
+  put(json, "air_kerma_mGy", figures.use.air_kerma_mGy);
+  put(json, "dap_Gycm2", figures.use.dap_Gycm2);
+  put(json, "injected_ml", figures.use.contrast_ml);
+  put(json, "cine_runs", figures.use.cine_runs);
+  json["instruments"] = ReportJson::array();
+  for (std::size_t d = 0; d < names_.size(); ++d)
+    json["instruments"].push_back(json_of(figures.instruments[d], names_[d]));
+  if (progress_) json["exercise"] = json_of(*progress_);
+  if (has_series) json["series"] = json_of(report_.series());
+  return json.dump();
+}
+
+std::string in_words(const ExerciseProgress& progress) {
+  const ExerciseState& state = progress.state();
+  std::string text = progress.exercise().title + (state.is_passed()     ? ": passed"
+                                                  : state.is_complete() ? ": complete, but not passed"
+                                                                        : ": not complete");
+  for (const ExerciseState::Target& target : state.targets)
+    text += target.reached_s ? fmt::format("; {} after {:.1f} s", target.name, *target.reached_s)
+                             : fmt::format("; {} not reached", target.name);
+  for (const ExerciseState::Entry& entry : state.forbidden_entries)
+    text += fmt::format("; forbidden {} entered after {:.1f} s", entry.name, entry.time_s);
+  for (const ExerciseState::Limit& limit : state.limits)
+    if (limit.passed_s)
+      text += fmt::format("; {} above {:g} after {:.1f} s", limit.name, limit.limit, *limit.passed_s);
+  return text;
+}
+
+}  // namespace xraycast

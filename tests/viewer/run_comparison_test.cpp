@@ -1,0 +1,100 @@
+#include "xraycast/reports/run_comparison.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+namespace xraycast::run_comparison_test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+std::string report(double time_s, const std::string& more = "") {
+  return R"({"version": 1, "time_s": )" + std::to_string(time_s) +
+         R"(, "instruments": [{"name": "cobra-5f", "tip_path_mm": 400, "slips": 2}])" + more + "}";
+}
+
+const char* const kExercise =
+    R"(, "exercise": {"title": "Left <renal>", "is_complete": true, "is_passed": false,
+  "targets": [{"name": "left renal artery", "reached_s": 7.84}], "forbidden_entries": [{"name": "aorta", "time_s": 3}],
+  "limits": [{"name": "time_s", "limit": 60, "passed_s": null}, {"name": "force_N", "limit": 1, "passed_s": 2}]})";
+
+const char* const kSeries =
+    R"(, "series": {"time_s": [0, 0.2, 0.4], "instruments": [{"insertion_mm": [0, 1, 2],
+  "tip_path_mm": [0, 1, 2], "force_N": [0, 0.1, 0.2], "torque_mNm": [0, 0, 0], "wall_force_N": [0, 0, 1]}]})";
+
+std::filesystem::path file(const std::string& name) {
+  return std::filesystem::path(testing::TempDir()) / ("run-comparison-" + name);
+}
+
+TEST(SavedRun, HasWhatWasReported) {
+  const SavedRun run = SavedRun::parse(report(12.5, std::string(kExercise) + kSeries), "mine");
+  EXPECT_EQ(run.name, "mine");
+  EXPECT_EQ(run.figures, (std::map<std::string, double>{{"time_s", 12.5}}));  // and no other
+  EXPECT_EQ(run.of_instruments[0].at("slips"), 2);
+  EXPECT_TRUE(run.is_complete);
+  EXPECT_FALSE(run.is_passed);
+  using Outcome = std::pair<std::string, std::string>;
+  EXPECT_THAT(run.outcomes, testing::ElementsAre(Outcome{"left renal artery", "7.8 s"},
+                                                 Outcome{"forbidden: aorta", "3.0 s"},
+                                                 Outcome{"limit passed: force_N", "2.0 s"}));
+  EXPECT_EQ(run.curves[0].at("force_N").size(), 3);
+}
+
+TEST(SavedRun, RefusesWhatIsNone) {
+  for (const std::string& text :
+       {std::string("{"), std::string("[]"), std::string("{}"), report(1, R"(, "series": {"time_s": 3})"),
+        std::string(R"({"version": 1, "time_s": "x", "instruments": []})"),
+        std::string(R"({"version": 1, "instruments": [3]})"),
+        report(1, R"(, "series": {"time_s": [1], "instruments": [{}]})"), report(1, R"(, "exercise": [])"),
+        report(1, R"(, "exercise": {"targets": [3]})")})
+    EXPECT_THROW(SavedRun::parse(text, "bad"), InputError) << text;
+}
+
+TEST(Runs, AreReadAsTheyWereWritten) {
+  const std::vector<SavedRun> runs{SavedRun::parse(report(1), "a"), SavedRun::parse(report(2, kSeries), "b")};
+  write_runs(file("all.json"), runs, SavedRun::parse(report(0.5), "best"));
+  const std::vector<SavedRun> again = read_runs(file("all.json"));
+  ASSERT_EQ(again.size(), 2);
+  EXPECT_EQ(again[1].json, runs[1].json);
+  write_runs(file("one.json"), {runs[0]});
+  EXPECT_EQ(read_runs(file("one.json"))[0].name, "a");
+}
+
+TEST(Runs, AreATableWithALineEach) {
+  write_runs(file("runs.csv"),
+             {SavedRun::parse(report(1, kExercise), "a \"b\""), SavedRun::parse(report(2), "c")});
+  const std::string csv = read_whole_file(file("runs.csv"));
+  EXPECT_THAT(csv, HasSubstr("\n\"a \"\"b\"\"\",\"Left <renal>\",1,0,1,,"));
+  EXPECT_THAT(csv, HasSubstr("\n\"c\",\"\",,,2,,"));
+  const auto commas = [](const std::string& line) { return std::ranges::count(line, ','); };
+  const std::size_t first = csv.find('\n'), second = csv.find('\n', first + 1);
+  EXPECT_EQ(commas(csv.substr(0, first)), commas(csv.substr(first, second - first)));
+}
+
+TEST(Runs, AreAPageThatLoadsNothing) {
+  write_runs(
+      file("runs.html"),
+      {SavedRun::parse(report(1, std::string(kExercise) + kSeries), "<a>"), SavedRun::parse(report(2), "c")},
+      SavedRun::parse(report(0.5), "best"));
+  const std::string html = read_whole_file(file("runs.html"));
+  EXPECT_THAT(html, HasSubstr("<th>best</th><th>&lt;a&gt;</th><th>c</th>"));
+  EXPECT_THAT(html, HasSubstr("complete, but not passed"));
+  EXPECT_THAT(html, HasSubstr("time over the runs"));
+  EXPECT_THAT(html, HasSubstr("force at the hub"));
+  EXPECT_THAT(html, Not(HasSubstr("://")));
+  EXPECT_THAT(html, Not(HasSubstr("fluoroscopy")));  // none has one
+}
+
+TEST(Runs, AreOfKnownKinds) {
+  EXPECT_THROW(check_report_name("runs.txt", "--report runs.txt"), InputError);
+  EXPECT_NO_THROW(check_report_name("RUNS.HTML", "x"));
+}
+
+}  // namespace
+}  // namespace xraycast::run_comparison_test

@@ -1,0 +1,427 @@
+#include "xraycast/reports/run_comparison.hpp"
+
+#include "xraycast/base/base64.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/html_text.hpp"
+#include "xraycast/base/json_text.hpp"
+#include "xraycast/base/picture_file.hpp"
+#include "xraycast/base/printable.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/reports/plot.hpp"
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <string_view>
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+using SavedJson = nlohmann::ordered_json;
+
+/// A figure: its name in files, in words, its unit, and the decimals that are shown.
+struct Figure {
+  const char* name;
+  const char* words;
+  const char* unit;
+  int decimals;
+};
+
+constexpr std::array<Figure, 8> kOfRun{{{"time_s", "time", "s", 1},
+                                        {"idle_s", "idle", "s", 1},
+                                        {"fluoroscopy_s", "fluoroscopy", "s", 1},
+                                        {"exposures", "exposures", "", 0},
+                                        {"air_kerma_mGy", "air kerma", "mGy", 2},
+                                        {"dap_Gycm2", "dose-area product", "Gy cm²", 3},
+                                        {"injected_ml", "contrast agent", "ml", 1},
+                                        {"cine_runs", "cine runs", "", 0}}};
+constexpr std::array<Figure, 14> kOfInstrument{
+    {{"tip_path_mm", "path of the tip", "mm", 0},
+     {"idle_s", "idle", "s", 1},
+     {"turned_deg", "turned", "°", 0},
+     {"turn_backs", "changes of the turn", "", 0},
+     {"reversals", "reversals", "", 0},
+     {"largest_force_N", "largest force at the hub", "N", 2},
+     {"mean_force_N", "mean force at the hub", "N", 2},
+     {"largest_torque_mNm", "largest torque at the hub", "mN m", 2},
+     {"mean_torque_mNm", "mean torque at the hub", "mN m", 2},
+     {"largest_wall_force_N", "largest force on the wall", "N", 2},
+     {"wall_impulse_Ns", "impulse on the wall above 0.1 N", "N s", 2},
+     {"slips", "slips", "", 0},
+     {"whips", "whips", "", 0},
+     {"exchanges", "exchanges", "", 0}}};
+constexpr std::array<Figure, 5> kCurves{{{"insertion_mm", "insertion", "mm", 0},
+                                         {"tip_path_mm", "path of the tip", "mm", 0},
+                                         {"force_N", "force at the hub", "N", 0},
+                                         {"torque_mNm", "torque at the hub", "mN m", 0},
+                                         {"wall_force_N", "force on the wall", "N", 0}}};
+constexpr std::size_t kMostInstruments = 3, kMostValues = 100'000, kMostRuns = 1000;
+
+// ---- reading
+
+const SavedJson* find(const SavedJson& object, const char* key) {
+  const auto at = object.find(key);
+  return at == object.end() || at->is_null() ? nullptr : &*at;
+}
+
+double number_in(const SavedJson& value, const std::string& where) {
+  if (!value.is_number() || !std::isfinite(value.get<double>()))
+    throw InputError("{}: is not a number", where);
+  return value.get<double>();
+}
+
+std::string text_in(const SavedJson& object, const char* key, const std::string& where) {
+  const SavedJson* value = find(object, key);
+  if (!value) return {};
+  if (!value->is_string()) throw InputError("{}: \"{}\" is not text", where, key);
+  return printable_line(value->get<std::string>());
+}
+
+const SavedJson& list_in(const SavedJson& object, const char* key, std::size_t most,
+                         const std::string& where) {
+  static const SavedJson kNone = SavedJson::array();
+  const SavedJson* value = find(object, key);
+  if (!value) return kNone;
+  if (!value->is_array() || value->size() > most)
+    throw InputError("{}: \"{}\" is not a list of at most {}", where, key, most);
+  for (const SavedJson& element : *value)
+    if (!element.is_object() && !element.is_number())
+      throw InputError("{}: \"{}\" has {}", where, key, excerpt(element.dump()));
+  return *value;
+}
+
+template <std::size_t N>
+std::map<std::string, double> figures_in(const SavedJson& object, const std::array<Figure, N>& known,
+                                         const std::string& where) {
+  if (!object.is_object()) throw InputError("{}: is not an object", where);
+  std::map<std::string, double> figures;
+  for (const Figure& figure : known)
+    if (const SavedJson* value = find(object, figure.name))
+      figures[figure.name] = number_in(*value, fmt::format("{}: \"{}\"", where, figure.name));
+  return figures;
+}
+
+std::vector<double> values_in(const SavedJson& list, const std::string& where) {
+  std::vector<double> values;
+  for (const SavedJson& value : list) values.push_back(number_in(value, where));
+  return values;
+}
+
+std::string seconds(const SavedJson& object, const char* key, const std::string& where) {
+  return fmt::format("{:.1f} s", number_in(object.at(key), where));
+}
+
+void read_exercise(const SavedJson& exercise, const std::string& where, SavedRun& run) {
+  if (!exercise.is_object()) throw InputError("{}: is not an object", where);
+  const auto is_set = [&](const char* key) {
+    const SavedJson* value = find(exercise, key);
+    return value && value->is_boolean() && value->get<bool>();
+  };
+  run.exercise = text_in(exercise, "title", where);
+  run.is_complete = is_set("is_complete");
+  run.is_passed = is_set("is_passed");
+  const auto add = [&](const char* list, const char* time, const char* lead, const char* otherwise) {
+    for (const SavedJson& one : list_in(exercise, list, kMostValues, where)) {
+      if (!one.is_object()) throw InputError("{}: \"{}\" has {}", where, list, excerpt(one.dump()));
+      const bool has_time = find(one, time) != nullptr;
+      if (!has_time && !*otherwise) continue;
+      run.outcomes.emplace_back(lead + text_in(one, "name", where),
+                                has_time ? seconds(one, time, where) : otherwise);
+    }
+  };
+  add("targets", "reached_s", "", "not reached");
+  add("forbidden_entries", "time_s", "forbidden: ", "");
+  add("limits", "passed_s", "limit passed: ", "");
+}
+
+void read_series(const SavedJson& series, const std::string& where, SavedRun& run) {
+  if (!series.is_object()) throw InputError("{}: is not an object", where);
+  run.time_s = values_in(list_in(series, "time_s", kMostValues, where), where);
+  for (const SavedJson& instrument : list_in(series, "instruments", kMostInstruments, where)) {
+    SavedRun::Curves& curves = run.curves.emplace_back();
+    if (!instrument.is_object()) throw InputError("{}: is not an object", where);
+    for (const Figure& figure : kCurves) {
+      std::vector<double> values = values_in(list_in(instrument, figure.name, kMostValues, where), where);
+      if (values.size() != run.time_s.size())
+        throw InputError("{}: \"{}\" has {} values, but there are {} times", where, figure.name,
+                         values.size(), run.time_s.size());
+      curves[figure.name] = std::move(values);
+    }
+  }
+}
+
+SavedRun saved_run(SavedJson json, const std::string& name, const std::string& origin) {
+  const SavedJson* version = json.is_object() ? find(json, "version") : nullptr;
+  if (!version || *version != 1 || !find(json, "instruments"))
+    throw InputError("{}: is no report of a run; save one by --report of `xraycast simulate`, or in a page",
+                     origin);
+  SavedRun run{.name = text_in(json, "name", origin),
+               .instruments = {},
+               .figures = figures_in(json, kOfRun, origin),
+               .of_instruments = {}};
+  if (run.name.empty()) run.name = name;
+  for (const SavedJson& instrument : list_in(json, "instruments", kMostInstruments, origin)) {
+    run.of_instruments.push_back(figures_in(instrument, kOfInstrument, origin + ": \"instruments\""));
+    run.instruments.push_back(text_in(instrument, "name", origin));
+  }
+  if (const SavedJson* exercise = find(json, "exercise"))
+    read_exercise(*exercise, origin + ": \"exercise\"", run);
+  if (const SavedJson* series = find(json, "series")) read_series(*series, origin + ": \"series\"", run);
+  json["name"] = run.name;
+  run.json = json.dump(-1, ' ', false, SavedJson::error_handler_t::replace);
+  return run;
+}
+
+SavedJson parsed(const std::string& text, const std::string& origin) {
+  parse_json(text, origin);  // its depth
+  return SavedJson::parse(text, nullptr, false);
+}
+
+// ---- writing
+
+std::string value_of(const std::map<std::string, double>& figures, const Figure& figure) {
+  const auto at = figures.find(figure.name);
+  if (at == figures.end()) return "";
+  const std::string unit = figure.unit;
+  return fmt::format("{:.{}f}{}{}", at->second, figure.decimals, unit.empty() || unit == "°" ? "" : " ",
+                     unit);
+}
+
+std::size_t most_instruments(const std::vector<SavedRun>& runs) {
+  std::size_t most = 0;
+  for (const SavedRun& run : runs) most = std::max(most, run.of_instruments.size());
+  return most;
+}
+
+std::string cell(std::string_view tag, std::string_view text) {
+  return fmt::format("<{0}>{1}</{0}>", tag, in_html(text));
+}
+
+template <typename Value>
+std::string row(std::string_view words, const std::vector<SavedRun>& runs, const Value& value) {
+  std::string cells;
+  bool is_empty = true;
+  for (const SavedRun& run : runs) {
+    const std::string text = value(run);
+    is_empty = is_empty && text.empty();
+    cells += cell("td", text);
+  }
+  return is_empty ? "" : fmt::format("<tr><th scope=\"row\">{}</th>{}</tr>\n", in_html(words), cells);
+}
+
+std::string outcome_of(const SavedRun& run) {
+  if (run.exercise.empty()) return "";
+  return run.is_passed ? "passed" : run.is_complete ? "complete, but not passed" : "not complete";
+}
+
+std::string table_of(const std::vector<SavedRun>& runs) {
+  std::string html = "<div class=\"wide\"><table>\n<tr><th></th>";
+  for (const SavedRun& run : runs) html += cell("th", run.name);
+  html += "</tr>\n";
+  html += row("exercise", runs, [](const SavedRun& run) { return run.exercise; });
+  html += row("result", runs, outcome_of);
+  std::vector<std::string> names;  // of outcomes, in the order in which they first come
+  for (const SavedRun& run : runs)
+    for (const auto& [name, what] : run.outcomes)
+      if (std::ranges::find(names, name) == names.end()) names.push_back(name);
+  for (const std::string& name : names)
+    html += row(name, runs, [&](const SavedRun& run) {
+      std::string all;
+      for (const auto& [other, what] : run.outcomes)
+        if (other == name) all += (all.empty() ? "" : ", ") + what;
+      return all;
+    });
+  for (const Figure& figure : kOfRun)
+    html += row(figure.words, runs, [&](const SavedRun& run) { return value_of(run.figures, figure); });
+  for (std::size_t d = 0; d < most_instruments(runs); ++d) {
+    html += row(fmt::format("instrument {}", d + 1), runs, [&](const SavedRun& run) {
+      return d < run.instruments.size() ? run.instruments[d] : std::string();
+    });
+    for (const Figure& figure : kOfInstrument)
+      html += row(figure.words, runs, [&](const SavedRun& run) {
+        return d < run.of_instruments.size() ? value_of(run.of_instruments[d], figure) : std::string();
+      });
+  }
+  return html + "</table></div>\n";
+}
+
+std::string picture_of(const std::string& title, const std::string& x, const std::string& y,
+                       const std::vector<Curve>& curves) {
+  const RgbPicture picture = plot(title, x, y, curves);
+  return fmt::format("<img alt=\"{}\" width=\"{}\" height=\"{}\" src=\"data:image/png;base64,{}\">\n",
+                     in_html(title), picture.width, picture.height,
+                     to_base64(png_bytes(picture.rgb, picture.width, picture.height, 3)));
+}
+
+/// A plot of each kind of values, with a curve an instrument of each of the first runs.
+std::string plots_over_time(const std::vector<SavedRun>& runs) {
+  constexpr std::size_t kMostCurves = 8;
+  std::string html;
+  for (const Figure& figure : kCurves) {
+    std::vector<Curve> curves;
+    for (const SavedRun& run : runs)
+      for (std::size_t d = 0; d < run.curves.size() && curves.size() < kMostCurves; ++d) {
+        const std::string instrument =
+            d < run.instruments.size() ? run.instruments[d] : fmt::format("instrument {}", d + 1);
+        Curve curve{runs.size() == 1 ? instrument : run.name + ", " + instrument, {}};
+        const std::vector<double>& values = run.curves[d].at(figure.name);
+        for (std::size_t i = 0; i < values.size(); ++i) curve.points.emplace_back(run.time_s[i], values[i]);
+        if (curve.points.size() > 1) curves.push_back(std::move(curve));
+      }
+    if (!curves.empty())
+      html += picture_of(figure.words, "time (s)", fmt::format("{} ({})", figure.words, figure.unit), curves);
+  }
+  return html;
+}
+
+/// What one learns by: figures of the runs, one after the other, against the reference's.
+std::string learning_curves(const std::vector<SavedRun>& runs, const std::optional<SavedRun>& reference) {
+  if (runs.size() < 2) return "";
+  std::string html;
+  const auto add = [&](const Figure& figure, const auto& value_in) {
+    Curve curve{"runs", {}};
+    for (std::size_t i = 0; i < runs.size(); ++i)
+      if (const std::optional<double> value = value_in(runs[i]))
+        curve.points.emplace_back(static_cast<double>(i + 1), *value);
+    if (curve.points.size() < 2) return;
+    std::vector<Curve> curves{std::move(curve)};
+    if (const std::optional<double> value = reference ? value_in(*reference) : std::nullopt)
+      curves.push_back({"reference", {{1, *value}, {static_cast<double>(runs.size()), *value}}});
+    const std::string unit = *figure.unit ? fmt::format(" ({})", figure.unit) : "";
+    html += picture_of(fmt::format("{} over the runs", figure.words), "run", figure.words + unit, curves);
+  };
+  const auto in = [](const std::map<std::string, double>& figures, const char* name) {
+    const auto at = figures.find(name);
+    return at == figures.end() ? std::nullopt : std::optional(at->second);
+  };
+  for (const Figure& figure : kOfRun)
+    if (figure.name == std::string_view("time_s") || figure.name == std::string_view("fluoroscopy_s"))
+      add(figure, [&](const SavedRun& run) { return in(run.figures, figure.name); });
+  for (const Figure& figure : kOfInstrument)
+    if (figure.name == std::string_view("tip_path_mm") ||
+        figure.name == std::string_view("largest_wall_force_N"))
+      add(figure, [&](const SavedRun& run) -> std::optional<double> {
+        double sum = 0;
+        for (const auto& figures : run.of_instruments) {
+          const std::optional<double> value = in(figures, figure.name);
+          if (!value) return std::nullopt;
+          sum = figure.decimals == 0 ? sum + *value : std::max(sum, *value);
+        }
+        return sum;
+      });
+  return html;
+}
+
+constexpr const char* kRunsHead = R"(<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
+<meta name="generator" content="xraycast">
+<title>{0}</title>
+<style>
+body {{ font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1100px; padding: 0 1em; }}
+.wide {{ overflow-x: auto; }}
+table {{ border-collapse: collapse; }}
+th, td {{ border-bottom: 1px solid #8884; padding: .2em 1.2em .2em 0; text-align: left; vertical-align: top; }}
+td {{ font-variant-numeric: tabular-nums; }}
+img {{ height: auto; margin: 1em 1em 0 0; max-width: min(520px, 100%); }}
+</style>
+</head>
+<body>
+<h1>{0}</h1>
+)";
+constexpr const char* kRunsFoot = "<footer><p>Not for clinical use.</p></footer>\n</body>\n</html>\n";
+
+std::string page_of(const std::vector<SavedRun>& runs, const std::optional<SavedRun>& reference,
+                    const std::string& title) {
+  std::vector<SavedRun> all = runs;
+  if (reference) all.insert(all.begin(), *reference);
+  return fmt::format(fmt::runtime(kRunsHead), in_html(title)) + table_of(all) +
+         learning_curves(runs, reference) + plots_over_time(all) + kRunsFoot;
+}
+
+std::string quoted(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
+  return quoted + '"';
+}
+
+std::string csv_of(const std::vector<SavedRun>& runs) {
+  const std::size_t instruments = most_instruments(runs);
+  std::string csv = "run,exercise,is_complete,is_passed";
+  for (const Figure& figure : kOfRun) csv += fmt::format(",{}", figure.name);
+  for (std::size_t d = 0; d < instruments; ++d) {
+    csv += fmt::format(",instrument_{}", d + 1);
+    for (const Figure& figure : kOfInstrument) csv += fmt::format(",{}_{}", figure.name, d + 1);
+  }
+  csv += '\n';
+  const auto add = [&](const std::map<std::string, double>& figures, const Figure& figure) {
+    const auto at = figures.find(figure.name);
+    csv += at == figures.end() ? "," : fmt::format(",{}", at->second);
+  };
+  for (const SavedRun& run : runs) {
+    csv += fmt::format("{},{},", quoted(run.name), quoted(run.exercise));
+    csv += run.exercise.empty() ? "," : fmt::format("{:d},{:d}", run.is_complete, run.is_passed);
+    for (const Figure& figure : kOfRun) add(run.figures, figure);
+    for (std::size_t d = 0; d < instruments; ++d) {
+      const bool has = d < run.of_instruments.size();
+      csv += fmt::format(",{}", has ? quoted(run.instruments[d]) : "");
+      for (const Figure& figure : kOfInstrument)
+        add(has ? run.of_instruments[d] : std::map<std::string, double>{}, figure);
+    }
+    csv += '\n';
+  }
+  return csv;
+}
+
+std::string json_of(const std::vector<SavedRun>& runs, const std::optional<SavedRun>& reference) {
+  if (runs.size() == 1 && !reference) return runs.front().json + "\n";
+  std::string json = "{\"version\":1,";
+  if (reference) json += fmt::format("\"reference\":{},\n", reference->json);
+  json += "\"runs\":[\n";
+  for (std::size_t i = 0; i < runs.size(); ++i) json += (i > 0 ? ",\n" : "") + runs[i].json;
+  return json + "]}\n";
+}
+
+}  // namespace
+
+SavedRun SavedRun::parse(const std::string& text, const std::string& name, const std::string& origin) {
+  return saved_run(parsed(text, origin), name, origin);
+}
+
+std::vector<SavedRun> read_runs(const std::filesystem::path& path) {
+  const std::string origin = path.string(), name = printable_line(path.stem().string());
+  SavedJson json = parsed(read_whole_file(path), origin);
+  if (!json.is_object() || !find(json, "runs")) return {saved_run(std::move(json), name, origin)};
+  std::vector<SavedRun> runs;
+  for (const SavedJson& run : list_in(json, "runs", kMostRuns, origin))
+    runs.push_back(saved_run(run, fmt::format("{} {}", name, runs.size() + 1), origin));
+  return runs;
+}
+
+void check_report_name(const std::filesystem::path& path, const std::string& name) {
+  for (const char* extension : {".html", ".csv", ".json"})
+    if (has_extension(path, extension)) return;
+  throw InputError("{}: must end in .html, for a page, .csv, for a table, or .json", name);
+}
+
+void write_runs(const std::filesystem::path& path, const std::vector<SavedRun>& runs,
+                const std::optional<SavedRun>& reference, const std::string& title) {
+  check_report_name(path, path.string());
+  if (has_extension(path, ".html")) return write_whole_file(path, page_of(runs, reference, title));
+  if (has_extension(path, ".json")) return write_whole_file(path, json_of(runs, reference));
+  std::vector<SavedRun> all = runs;
+  if (reference) all.insert(all.begin(), *reference);
+  write_whole_file(path, csv_of(all));
+}
+
+}  // namespace xraycast

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// A run's report as it was saved (docs/exercises.md).
+struct SavedRun {
+  /// Values over the run's time, of an instrument.
+  using Curves = std::map<std::string, std::vector<double>>;
+
+  std::string name;
+  std::vector<std::string> instruments;                       ///< from the outermost on
+  std::map<std::string, double> figures;                      ///< of the run, those that it has
+  std::vector<std::map<std::string, double>> of_instruments;  ///< the same of each instrument
+  std::string exercise{};                                     ///< its title; empty: none
+  bool is_complete = false, is_passed = false;
+  /// In words, each with what became of it, such as `7.8 s`.
+  std::vector<std::pair<std::string, std::string>> outcomes{};
+  std::vector<double> time_s{};
+  std::vector<Curves> curves{};  ///< of each instrument, as many values as times
+  std::string json{};            ///< as it was read, with its name
+
+  /// Parses what RunMonitor::json and a page's "Save report" give. A name in the text goes before `name`.
+  /// Throws InputError, with `origin` in front, for anything else.
+  static SavedRun parse(const std::string& text, const std::string& name,
+                        const std::string& origin = "report");
+};
+
+/// Runs of files, each of one run or of several, as write_runs writes them. Throws InputError.
+std::vector<SavedRun> read_runs(const std::filesystem::path& path);
+
+/// Throws InputError, with `name` in front, for a file that ends in neither .html, .csv nor .json.
+void check_report_name(const std::filesystem::path& path, const std::string& name);
+
+/// Runs side by side, in the order given, by the file's ending: a page with tables, plots over time and, of
+/// several, a curve over the runs; a table with a line a run; or their JSON. The reference goes first. Throws
+/// InputError as check_report_name, and Error where it cannot be written.
+void write_runs(const std::filesystem::path& path, const std::vector<SavedRun>& runs,
+                const std::optional<SavedRun>& reference = {}, const std::string& title = "Report of runs");
+
+}  // namespace xraycast

@@ -1,0 +1,63 @@
+// The task of a page that steers: which, in words, how far it is, and what became of it.
+import type { ExerciseHeader, TargetMark, Trainer } from "./data";
+import type { ExerciseReport } from "./report";
+import { fixed } from "./fixed";
+import { hash_with_exercise } from "./address";
+
+const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+
+const kLimits: Record<string, string> = {
+  time_s: "time", fluoroscopy_s: "fluoroscopy time", air_kerma_mGy: "air kerma", dap_Gycm2: "dose-area product", contrast_ml: "contrast agent", force_N: "force at the hub", wall_force_N: "force on the wall",
+};
+
+/** Opens the page anew. */
+function choose(exercise: number): void {
+  const before = location.hash;
+  location.hash = hash_with_exercise(before, exercise);
+  if (location.hash === before) location.reload(); // otherwise the page follows its address
+}
+
+export class Exercise {
+  private readonly exercise: ExerciseHeader | null;
+  private shown = "";
+  private next: TargetMark | null;
+  private is_marked = true;
+
+  constructor({ exercises, exercise }: Trainer, private readonly mark: (target: TargetMark | null) => void) {
+    this.exercise = exercise;
+    this.next = exercise?.targets[0] ?? null;
+    const choice = element<HTMLSelectElement>("exercise-choice"), number = exercise ? exercises.indexOf(exercise) + 1 : 0;
+    choice.append(...exercises.map(({ title }, e) => new Option(`${e + 1}. ${title}`, String(e + 1))), new Option("Steer freely", "0"));
+    choice.value = String(number);
+    choice.addEventListener("change", () => choose(Number(choice.value)));
+    element("exercise-again").addEventListener("click", () => choose(number));
+    element("exercise").hidden = false;
+    element("exercise-task").textContent = exercise?.task ?? "";
+    const marks = element("exercise-mark");
+    marks.hidden = !exercise;
+    marks.addEventListener("click", () => {
+      this.is_marked = !this.is_marked;
+      marks.setAttribute("aria-pressed", String(this.is_marked));
+      this.mark(this.is_marked ? this.next : null);
+    });
+    this.mark(this.next);
+  }
+
+  told(report: ExerciseReport | undefined): void {
+    const text = JSON.stringify(report);
+    if (!report || !this.exercise || text === this.shown) return;
+    this.shown = text;
+    const next = report.targets.findIndex(({ reached_s }) => reached_s === null);
+    const item = (words: string, kind: string) => Object.assign(document.createElement("li"), { textContent: words, className: kind });
+    element("exercise-progress").replaceChildren(
+      ...report.targets.map(({ name, reached_s }, t) => (reached_s === null ? item(`${t === next ? "▸" : "○"} ${name}`, t === next ? "next" : "") : item(`✓ ${name}: ${fixed(reached_s, 1)} s`, "done"))),
+      ...report.forbidden_entries.map(({ name, time_s }) => item(`✗ ${name} entered: ${fixed(time_s, 1)} s`, "fault")),
+      ...report.limits.filter(({ passed_s }) => passed_s !== null).map(({ name, limit, passed_s }) => item(`✗ ${kLimits[name] ?? name} above ${limit}${name.includes("_") ? ` ${name.slice(name.lastIndexOf("_") + 1)}` : ""}: ${fixed(passed_s!, 1)} s`, "fault")),
+    );
+    const result = element("exercise-result");
+    result.hidden = !report.is_complete;
+    result.textContent = report.is_passed ? "Passed." : "Complete, but not passed: see what is marked ✗.";
+    this.next = next < 0 ? null : this.exercise.targets[next]!;
+    if (this.is_marked) this.mark(this.next);
+  }
+}
