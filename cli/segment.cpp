@@ -100,13 +100,14 @@ Vessels explained(const Volume& volume, SegmentRequest request, const SegmentArg
 }
 
 /// All files or none: a mask beside another scan's report would be misleading.
-void write_all(const Vessels& vessels, const ScanInfo& scan, const Volume& volume,
-               const SegmentRequest& request, const SegmentArguments& options, const Invocation& invocation) {
+void write_all(Vessels& vessels, const ScanInfo& scan, const Volume& volume, const SegmentRequest& request,
+               const SegmentArguments& options, const Invocation& invocation) {
   make_folder(options.folder, "-o " + options.folder);
   OutputSet outputs;
+  take_names(vessels,
+             write_vessels(vessels, scan, request.is_automatic(), options.folder, invocation.progress));
   write_picture(vessel_report(options.input, vessels, request, volume),
                 fs::path(options.folder) / "report.png");
-  write_vessels(vessels, scan, request.is_automatic(), options.folder, invocation.progress);
   outputs.commit();
 }
 
@@ -176,7 +177,7 @@ void segment(const SegmentArguments& options, Invocation& invocation) {
   invocation.say_about(scan.info);
   const Volume volume = collect(*scan.source, invocation.progress, options.input);
   invocation.say_about(*scan.source);
-  const Vessels vessels = explained(volume, request, options, invocation);
+  Vessels vessels = explained(volume, request, options, invocation);
   write_all(vessels, scan.info, volume, request, options, invocation);
   report_vessels(vessels, scan.info, options, stopwatch.ms(), invocation);
 }

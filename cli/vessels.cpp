@@ -58,15 +58,15 @@ LikeScan read_like(const VesselsArguments& options, Invocation& invocation) {
 }
 
 /// All files or none: a tree beside other vessels' report would be misleading.
-void write_all(const Vessels& vessels, const LikeScan& like, const VesselsArguments& options,
+void write_all(Vessels& vessels, const LikeScan& like, const VesselsArguments& options,
                const Invocation& invocation) {
   make_folder(options.folder, "-o " + options.folder);
   OutputSet outputs;
   const std::string origin = options.like.empty() ? "as given" : "as given, over " + options.like;
+  constexpr bool kIsAutomatic = false;
+  take_names(vessels, write_vessels(vessels, like.info, kIsAutomatic, options.folder, invocation.progress));
   write_picture(given_vessel_report(options.input, vessels, origin, like.voxels()),
                 fs::path(options.folder) / "report.png");
-  constexpr bool kIsAutomatic = false;
-  write_vessels(vessels, like.info, kIsAutomatic, options.folder, invocation.progress);
   outputs.commit();
 }
 
@@ -93,7 +93,7 @@ void vessels(const VesselsArguments& options, Invocation& invocation) {
   files.push_back("report.png");
   check_folder(options.folder, files, "-o " + options.folder);
   const LikeScan like = read_like(options, invocation);
-  const Vessels found = given_vessels(request, like.voxels(), invocation.progress);
+  Vessels found = given_vessels(request, like.voxels(), invocation.progress);
   write_all(found, like, options, invocation);
   report_vessels(found, options, stopwatch.ms(), invocation);
 }

@@ -4,6 +4,7 @@
 #include "support/tubes.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/segmentation/poor_results.hpp"
+#include "xraycast/skeleton/skeleton_pruning.hpp"
 
 #include <glm/trigonometric.hpp>
 #include <gmock/gmock.h>
@@ -175,6 +176,45 @@ Centrelines comb(int branches, int loops) {
   return {VesselTree(std::move(all), "comb"), std::vector<int>(static_cast<std::size_t>(loops), 1), {}, 0};
 }
 
+TEST(Centrelines, OfARingEndWhereItIsCutAndNotInASpur) {
+  const glm::dvec3 middle(30, 30, 8);
+  const auto at = [&](double degrees, double out = 20) {
+    return middle + out * glm::dvec3(std::cos(glm::radians(degrees)), std::sin(glm::radians(degrees)), 0);
+  };
+  const MaskLumen lumen(mask_where({.size = {60, 60, 16}}, [&](const glm::dvec3& p) {
+    return std::hypot(glm::length(glm::dvec2(p - middle)) - 20, p.z - 8) < 3 ||
+           distance_to_segment(p, at(0), at(0, 28)) < 3;
+  }));
+  // A way in at 0 degrees, and a spur of two voxels at each of two other places.
+  SkeletonGraph graph;
+  const auto add = [&](int from, int to, std::vector<glm::dvec3> points_mm) {
+    for (const int n : {from, to})
+      graph.nodes[static_cast<std::size_t>(n)].edges.push_back(static_cast<int>(graph.edges.size()));
+    graph.edges.push_back({{from, to}, std::move(points_mm)});
+  };
+  for (const glm::dvec3& p : {at(0), at(0, 28), at(100), at(100, 22), at(230), at(230, 18)})
+    graph.nodes.push_back({p, {}});
+  const auto arc = [&](double from, double to) {
+    std::vector<glm::dvec3> points_mm;
+    const double step = from < to ? 2 : -2;
+    for (int k = 0; k <= std::abs(to - from) / 2; ++k) points_mm.push_back(at(from + k * step));
+    return points_mm;
+  };
+  add(1, 0, {at(0, 28), at(0, 24), at(0)});
+  add(0, 2, arc(0, 100));
+  add(4, 2, arc(230, 100));
+  add(0, 4, arc(360, 230));  // wherever it is cut, at a second node, there is a spur
+  add(2, 3, {at(100), at(100, 21), at(100, 22)});
+  add(4, 5, {at(230), at(230, 19), at(230, 18)});
+  const SkeletonGraph pruned = prune(std::move(graph), lumen, 2);
+  ASSERT_EQ(pruned.edges.size(), 1U);  // the way in, and the ring that goes on from it
+  EXPECT_TRUE(pruned.edges[0].closes_loop);
+  for (const glm::dvec3& p : pruned.edges[0].points_mm)
+    if (glm::distance(p, at(0)) > 9) {
+      EXPECT_NEAR(glm::distance(p, middle), 20, 1e-6);
+    }
+}
+
 TEST(PoorResults, NameTheFieldThatHelps) {
   const VolumeGeometry fine{.size = {9, 9, 9}}, coarse{.size = {9, 9, 9}, .spacing_mm = {1, 1, 3}};
   EXPECT_THAT(poor_results(comb(1, 0), fine, "scan"), testing::IsEmpty());
@@ -185,6 +225,13 @@ TEST(PoorResults, NameTheFieldThatHelps) {
               testing::ElementsAre(testing::HasSubstr("found 201 branches and 0 loops")));
   EXPECT_THAT(poor_results(comb(30, 21), fine, "scan"),
               testing::ElementsAre(testing::HasSubstr("give `window_hu`, `seeds`, or `not_vessels`")));
+}
+
+TEST(PoorResults, OfNoHintAreSaidWhereTheyAreLittle) {
+  const VolumeGeometry small{.size = {9, 9, 20}}, large{.size = {90, 90, 90}};
+  EXPECT_THAT(too_little(comb(1, 0).tree, small, "scan"), testing::IsEmpty());
+  EXPECT_THAT(too_little(comb(1, 0).tree, large, "scan"),
+              testing::ElementsAre(testing::HasSubstr("found 9 mm of vessels in all")));
 }
 
 TEST(Centrelines, OfAnisotropicVoxelsAreInMillimetres) {

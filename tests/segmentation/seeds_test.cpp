@@ -4,6 +4,8 @@
 #include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/opencl/compute_device.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/segmentation/candidates.hpp"
+#include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/segment.hpp"
 
 #include <glm/common.hpp>
@@ -75,8 +77,8 @@ class Abdomen {
 
   glm::dvec3 place(const glm::dvec3& p) const { return variant_.is_turned ? glm::dvec3(p.y, p.x, p.z) : p; }
 
-  Mask found(const SegmentRequest& options) {
-    return segment_vessels(scan_, options, "abdomen", device_, progress_).mask;
+  Mask found(const SegmentRequest& options, SegmentLog* log = nullptr) {
+    return segment_vessels(scan_, options, "abdomen", device_, progress_, log).mask;
   }
   Mask found_from(const glm::dvec3& seed) {
     SegmentRequest options;
@@ -172,9 +174,51 @@ TEST(SeedsInAnAbdomen, AreToldWhatTheyLieIn) {
   options.markers.vessels_mm = {kAorta};
   options.window_hu = {250, 400};
   EXPECT_THAT(abdomen.message(options), HasSubstr("lies outside the window of CT numbers (1"));
+}
+
+TEST(SeedsInAnAbdomen, AreOfferedInVesselsAndNotInBone) {
+  Abdomen abdomen;
+  // Without the aorta and the vena cava nothing great is left before the spine.
+  for (const char* const part : {"aorta", "cava"}) {
+    const Mask vessel = abdomen.part(part);
+    for (std::size_t i = 0; i < vessel.voxels.size(); ++i)
+      if (vessel.voxels[i] != 0) abdomen.scan().hu()[i] = 50;
+  }
   EXPECT_THAT(abdomen.message({}),
               HasSubstr("give a seed, a point in a vessel; the brightest candidates are ("));
+  const std::vector<float> to_spine_mm = distance_to_foreground_mm(abdomen.part("spine"));
+  ComputeDevice device;
+  for (const Candidate& candidate : brightest_candidates(abdomen.scan(), device)) {
+    const VolumeGeometry& g = abdomen.scan().geometry();
+    EXPECT_GT(to_spine_mm[offset_of(g, Index3(glm::round(g.to_index(candidate.point_mm))))], 2);
+  }
 }
+
+/// Dice of all voxels.
+double dice(const Mask& found, const Mask& truth) {
+  return 2 * static_cast<double>(common(found, truth)) / static_cast<double>(found.count() + truth.count());
+}
+
+class PortalPhaseWithoutASeed : public testing::TestWithParam<Variant> {};
+
+TEST_P(PortalPhaseWithoutASeed, IsBegunInTheAorta) {
+  Abdomen abdomen(GetParam());
+  SegmentLog log;
+  const Mask aorta = abdomen.part("aorta"), found = abdomen.found({}, &log);
+  ASSERT_TRUE(log.own_seed);
+  EXPECT_EQ(log.own_seed->name, "aorta");
+  EXPECT_GE(dice(found, aorta), 0.9);
+  const Centrelines lines = extract_centrelines(found, "abdomen");
+  EXPECT_TRUE(lines.loops.empty());
+  EXPECT_LE(lines.tree.branches().size(), 16U);  // 1.2 times the true 14
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Of, PortalPhaseWithoutASeed,
+    testing::Values(Variant{"ItsOwn", {.size = Index3(320, 320, 160)}},
+                    Variant{"MoreNoise", {.size = Index3(320, 320, 160), .noise_hu = 20.0, .seed = 3}},
+                    Variant{"MoreContrast", {.size = Index3(320, 320, 160), .seed = 5}, 1.2}),
+    [](const auto& variant) { return variant.param.name; });
 
 TEST(SeedsInAnAbdomen, AreFoundInAnyWindowThatHoldsThemAndWithAnyRadius) {
   Abdomen abdomen;

@@ -3,7 +3,7 @@
 #include "xraycast/evidence/lumen_fill.hpp"
 #include "xraycast/given_vessels/surface_distance.hpp"
 #include "xraycast/mask/mask.hpp"
-#include "xraycast/segmentation/lumen.hpp"
+#include "xraycast/skeleton/lumen.hpp"
 
 namespace xraycast {
 

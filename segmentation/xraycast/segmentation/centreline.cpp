@@ -4,10 +4,10 @@
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/mask/skeleton_graph.hpp"
 #include "xraycast/mask/thinning.hpp"
-#include "xraycast/segmentation/fill_radii.hpp"
-#include "xraycast/segmentation/inner_leaves.hpp"
-#include "xraycast/segmentation/lumen.hpp"
-#include "xraycast/segmentation/skeleton_pruning.hpp"
+#include "xraycast/skeleton/fill_radii.hpp"
+#include "xraycast/skeleton/inner_leaves.hpp"
+#include "xraycast/skeleton/lumen.hpp"
+#include "xraycast/skeleton/skeleton_pruning.hpp"
 
 #include <fmt/format.h>
 #include <glm/common.hpp>
@@ -71,13 +71,40 @@ glm::dvec3 tangent_at(const Line& line, std::size_t i, std::size_t reach) {
   return length > 0 ? along / length : glm::dvec3(0, 0, 1);
 }
 
+/// The inscribed radius of a vessel, and by how much that at a place may be smaller.
+struct EvenRadius {
+  double mm, margin_mm;
+};
+
+/// That at a point of a line: the median over `reach` points to either side, because the radii of a digital
+/// tube vary by half a voxel. Where they vary by more than a voxel, as in the neck of an aneurysm, the
+/// point's own.
+EvenRadius even_radius(const Line& line, const Lumen& lumen, std::size_t at, std::size_t reach) {
+  std::vector<double> radii_mm;
+  for (std::size_t i = at - std::min(at, reach); i <= at + reach && i < line.size(); ++i)
+    radii_mm.push_back(lumen.inscribed_radius_mm(line[i]));
+  std::ranges::sort(radii_mm);
+  if (radii_mm.back() - radii_mm.front() > lumen.voxel_mm())
+    return {lumen.inscribed_radius_mm(line[at]), 0.2 * lumen.voxel_mm()};
+  return {radii_mm[radii_mm.size() / 2], 0.5 * lumen.voxel_mm()};
+}
+
+/// Takes off a line's end by what the sphere inscribed there is smaller than its vessel: towards an end,
+/// round or flat, that shrinks as fast as one goes.
+void take_off_shortfall(Line& line, const Lumen& lumen, double radius_mm) {
+  const double piece_mm = glm::distance(line[line.size() - 2], line.back()),
+               short_mm = radius_mm - lumen.inscribed_radius_mm(line.back());
+  if (short_mm > 0 && short_mm < 0.9 * piece_mm)
+    line.back() = glm::mix(line.back(), line[line.size() - 2], short_mm / piece_mm);
+}
+
 /// Lets a line end where the last inscribed sphere of its vessel's radius fits: points beyond it are removed,
 /// and missing ones extrapolated along the line's direction. Its last point is the free end.
 void fit_end(Line& line, const Lumen& lumen, double step_mm) {
   constexpr std::size_t kTangentReach = 6;
   const std::size_t inner = line.size() - 1 - std::min(line.size() - 1, 2 * kTangentReach);
-  const double radius_mm = lumen.inscribed_radius_mm(line[inner]),
-               min_radius_mm = radius_mm - 0.2 * lumen.voxel_mm();  // the resolution of voxels
+  const auto [radius_mm, margin_mm] = even_radius(line, lumen, inner, kTangentReach);
+  const double min_radius_mm = radius_mm - margin_mm;
   // A vessel as thin as a voxel has the least distance to a wall that there is, beyond its end as well.
   const auto fits = [&](const glm::dvec3& p) {
     return lumen.contains(p) && lumen.occupancy(p) > 0.5 && lumen.inscribed_radius_mm(p) >= min_radius_mm;
@@ -86,11 +113,12 @@ void fit_end(Line& line, const Lumen& lumen, double step_mm) {
   std::size_t removed = 0;
   while (removed < max_points && line.size() > inner + 2 && line.size() > 3 && !fits(line.back()))
     line.pop_back(), ++removed;
-  if (removed > 0) return;
+  if (removed > 0) return take_off_shortfall(line, lumen, radius_mm);
   const glm::dvec3 along =
       tangent_at(line, line.size() - 1 - std::min(line.size() - 1, kTangentReach), kTangentReach);
   for (std::size_t added = 0; added < 2 * max_points && fits(line.back() + step_mm * along); ++added)
     line.push_back(line.back() + step_mm * along);
+  take_off_shortfall(line, lumen, radius_mm);
 }
 
 /// Which ends of a line may be moved; where it meets others it stays.

@@ -21,10 +21,15 @@ void grow(Mask& vessels, long steps, const Joins& joins) {
 /// How many voxels of a size a width in mm has; at least one.
 long steps_of(double width_mm, double voxel_mm) { return std::max(1L, std::lround(width_mm / voxel_mm)); }
 
-/// Whether a voxel that shares a face with a lumen is brighter than halfway from the darkest voxel to the
-/// brightest of the lumen, both within two steps.
+/// Whether a voxel that shares a face with a lumen, and touches five of its voxels, is brighter than halfway
+/// from the darkest voxel to the brightest of the lumen, both within two steps. A wall's voxels touch nine;
+/// one that touches fewer than five is on its way to a stick of noise.
 bool is_half_filled(const Volume& scan, const Mask& lumen, const Index3& here) {
-  if (!touches(lumen, here, Sharing::face)) return false;
+  constexpr std::ptrdiff_t kLeastTouched = 5;
+  if (!touches(lumen, here, Sharing::face) || std::ranges::count_if(kNeighbours, [&](const Index3& step) {
+                                                return lumen.at(here + step);
+                                              }) < kLeastTouched)
+    return false;
   const double own_hu = scan.at(here.x, here.y, here.z);
   double lumen_hu = own_hu, darkest_hu = own_hu;
   for (const Index3& step : kNeighbours)

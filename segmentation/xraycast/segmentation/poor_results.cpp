@@ -29,4 +29,17 @@ std::vector<std::string> poor_results(const Centrelines& centrelines, const Volu
   return notes;
 }
 
+std::vector<std::string> too_little(const VesselTree& tree, const VolumeGeometry& grid,
+                                    const std::string& name) {
+  const glm::dvec3 size_mm = grid.upper_mm() - grid.lower_mm();
+  double mm = 0;
+  for (const VesselBranch& branch : tree.branches()) mm += branch.arc_length_mm.back();
+  if (3 * mm >= std::max({size_mm.x, size_mm.y, size_mm.z})) return {};
+  return {fmt::format(
+      "{}: found {:.0f} mm of vessels in all, which may be bone or calcium: the scan may show no "
+      "contrast agent, or less than expected; look at the report, and give `seeds` in the vessels "
+      "that are meant, or their `window_hu`",
+      name, mm)};
+}
+
 }  // namespace xraycast

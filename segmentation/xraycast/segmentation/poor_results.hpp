@@ -13,4 +13,9 @@ namespace xraycast {
 std::vector<std::string> poor_results(const Centrelines& centrelines, const VolumeGeometry& grid,
                                       const std::string& name);
 
+/// The same of a tree that was found without any hint: one shorter in all than a third of the scan is long,
+/// or nothing.
+std::vector<std::string> too_little(const VesselTree& tree, const VolumeGeometry& grid,
+                                    const std::string& name);
+
 }  // namespace xraycast

@@ -81,16 +81,20 @@ struct ChosenWindow {
       name, places.empty() ? "" : "; the brightest candidates are ", places);
 }
 
-/// `scan` is denoised, `volume` is not.
-ChosenWindow choose_window(const Volume& scan, const Volume& volume, const std::vector<Seed>& seeds,
-                           const SegmentRequest& request, const std::string& name, ComputeDevice& device,
-                           Progress& progress) {
-  if (request.window_hu) {
-    const auto [low, high] = *request.window_hu;
-    return {{low, low, high}, false};
-  }
-  const std::optional<Contrast> contrast = find_contrast(scan, name, progress);
-  if (!contrast && seeds.empty()) throw_without_contrast(volume, name, device);
+/// The great vessel to begin with where a scan's histogram shows none or brighter ones: the first, if all are
+/// darker than those.
+std::optional<GreatVessel> darker_great_vessel(const Volume& volume,
+                                               const std::optional<Contrast>& contrast) {
+  const std::vector<GreatVessel> found = find_great_vessels(volume);
+  if (found.empty()) return std::nullopt;
+  const auto is_seen = [&](const GreatVessel& vessel) { return vessel.hu >= window_of(*contrast).low_hu; };
+  if (contrast && std::ranges::any_of(found, is_seen)) return std::nullopt;
+  return found.front();
+}
+
+/// `scan` is denoised.
+ChosenWindow choose_window(const Volume& scan, const std::optional<Contrast>& contrast,
+                           const std::vector<Seed>& seeds, const std::string& name) {
   if (!contrast) return {window_of_seeds(seeds, name), true};
   const HuWindow window = window_of(*contrast);
   if (seeds.empty()) return {window, false};
@@ -205,11 +209,20 @@ class ThresholdSteps {
         log_(log),
         volume_(volume),
         quiet_(std::move(quiet)),
-        is_subtracted_(!has_air(denoised_scan())) {
-    if (!markers().vessels_mm.empty()) smooth_ = smoothed_for_seeds(volume_, device_);
-  }
+        is_subtracted_(!has_air(denoised_scan())),
+        markers_(request.markers) {}
 
   Mask vessels() {
+    try {
+      return after_all_steps();
+    } catch (const InputError&) {
+      if (!log_.own_seed) throw;  // of a seed that nobody has given there is nothing to say
+      throw_without_contrast(volume_, name_, device_);
+    }
+  }
+
+ private:
+  Mask after_all_steps() {
     choose_scan_and_window();
     threshold_body();
     if (is_subtracted_ && markers().vessels_mm.empty() && markers().not_vessels_mm.empty()) {
@@ -224,8 +237,7 @@ class ThresholdSteps {
     return selected();
   }
 
- private:
-  const Markers& markers() const { return request_.markers; }
+  const Markers& markers() const { return markers_; }
   const Volume& denoised_scan() const { return quiet_ ? *quiet_ : volume_; }
   const Volume& at_seeds() const { return smooth_ ? *smooth_ : denoised_scan(); }
   const Volume& scan() const { return window_.is_of_seeds ? at_seeds() : denoised_scan(); }
@@ -240,10 +252,26 @@ class ThresholdSteps {
   }
 
   void choose_scan_and_window() {
+    std::optional<Contrast> contrast;
+    if (!request_.window_hu) {
+      contrast = find_contrast(denoised_scan(), name_, progress_);
+      if (!is_subtracted_ && markers().vessels_mm.empty()) seed_great_vessel(contrast);
+    }
+    if (!markers().vessels_mm.empty()) smooth_ = smoothed_for_seeds(volume_, device_);
     if (!is_subtracted_) seeds_ = look_at_seeds(at_seeds(), markers());
-    window_ = choose_window(denoised_scan(), volume_, seeds_, request_, name_, device_, progress_);
+    if (request_.window_hu)
+      window_ = {{request_.window_hu->first, request_.window_hu->first, request_.window_hu->second}, false};
+    else if (!contrast && seeds_.empty())
+      throw_without_contrast(volume_, name_, device_);
+    else
+      window_ = choose_window(denoised_scan(), contrast, seeds_, name_);
     log_.window = window_.hu;
     log_.is_window_of_seeds = window_.is_of_seeds;
+  }
+
+  void seed_great_vessel(const std::optional<Contrast>& contrast) {
+    log_.own_seed = darker_great_vessel(volume_, contrast);
+    if (log_.own_seed) markers_.vessels_mm = {log_.own_seed->middle_mm};
   }
 
   void threshold_body() {
@@ -312,6 +340,7 @@ class ThresholdSteps {
   const Volume& volume_;
   std::optional<Volume> quiet_, smooth_;
   bool is_subtracted_;
+  Markers markers_;  ///< of the request, and a seed of its own
   std::vector<Seed> seeds_;
   ChosenWindow window_{};
   Mask mask_{VolumeGeometry{}}, body_{VolumeGeometry{}}, lumen_{VolumeGeometry{}}, bright_{VolumeGeometry{}},

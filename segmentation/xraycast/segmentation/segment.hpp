@@ -5,6 +5,7 @@
 #include "xraycast/evidence/lumen_scale.hpp"
 #include "xraycast/mask/mask.hpp"
 #include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/segmentation/great_vessels.hpp"
 #include "xraycast/segmentation/threshold.hpp"
 #include "xraycast/segmentation/watershed.hpp"
 
@@ -59,6 +60,9 @@ struct SegmentLog {
   std::optional<LumenScale> scale;  ///< what was measured on the vessels, where they were found by evidence
   bool is_window_of_seeds = false;  ///< from the seeds' neighbourhoods, not from the histogram
   double noise_hu = 0;              ///< standard deviation
+  /// The vessel that was found by place and shape, where no seed was given and it is darker than what the
+  /// histogram shows.
+  std::optional<GreatVessel> own_seed;
 };
 
 /// Vessels on a scan's own grid.
@@ -73,7 +77,9 @@ struct SegmentedVessels {
 /// vessel_evidence instead, unless a window is given. A stage of `progress` for each step. Takes the window,
 /// the markers and `explain` of a request.
 ///
-/// Without a window, seeds outside that of the histogram set it from their own neighbourhoods. What is
+/// Without a window and seeds, the aorta or another great vessel (find_great_vessels) that is darker than the
+/// window of the histogram is the seed. Without a window, seeds outside that of the histogram set it from
+/// their own neighbourhoods. What is
 /// connected to a seed by lumen of its own brightness, narrower than the largest radius, is kept by all
 /// steps.
 ///

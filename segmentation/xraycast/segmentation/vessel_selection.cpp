@@ -5,8 +5,8 @@
 #include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/mask/skeleton_graph.hpp"
 #include "xraycast/mask/thinning.hpp"
-#include "xraycast/segmentation/lumen.hpp"
-#include "xraycast/segmentation/skeleton_pruning.hpp"
+#include "xraycast/skeleton/lumen.hpp"
+#include "xraycast/skeleton/skeleton_pruning.hpp"
 
 #include <glm/geometric.hpp>
 

@@ -4,6 +4,7 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/mask/components.hpp"
@@ -53,6 +54,16 @@ Mask selected_components(const Mask& mask, const Markers& markers, const std::st
                     "one to keep it",
                     name, pluralize(dropped, "voxel")));
   return kept;
+}
+
+std::string of_own_seed(const GreatVessel& vessel, const std::string& name) {
+  const glm::dvec3& p = vessel.middle_mm;
+  return fmt::format(
+      "{}: no contrast agent shows by itself; begun at ({:.0f}, {:.0f}, {:.0f}) mm with {:.0f} HU, by its "
+      "place "
+      "and shape the {}; look at the report, and give `seeds` in the vessels that are meant if these are "
+      "others",
+      name, p.x, p.y, p.z, vessel.hu, vessel.name);
 }
 
 SegmentedVessels vessels_of_given_mask(const Volume& volume, const SegmentRequest& request,
@@ -114,6 +125,13 @@ void remove_stale(const fs::path& file) {
                    error.message());
 }
 
+/// A copy of the file of names; the note on it.
+std::string keep_earlier_names(const fs::path& folder) {
+  const fs::path file = folder / kNamesFile, earlier = free_name_for_earlier(folder);
+  write_whole_file(earlier, read_whole_file(file));
+  return fmt::format("{}: written anew; the earlier file is {}", file.string(), earlier.string());
+}
+
 }  // namespace
 
 SurfaceKind surface_kind(const std::string& name) {
@@ -150,9 +168,12 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
   const bool has_mask = request.has_mask();
   auto [mask, fill] = has_mask ? vessels_of_given_mask(volume, request, progress, notes)
                                : segment_vessels(volume, request, name, device, progress, &log);
+  if (log.own_seed) notes.push_back(of_own_seed(*log.own_seed, name));
   if (has_mask) log.noise_hu = measure_noise_hu(volume);
   Centrelines centrelines = extract_centrelines(mask, name, progress, request.root_mm, &fill);
   std::ranges::move(poor_results(centrelines, volume.geometry(), name), std::back_inserter(notes));
+  if (request.is_automatic())
+    std::ranges::move(too_little(centrelines.tree, volume.geometry(), name), std::back_inserter(notes));
   centrelines.tree = with_artery_names(centrelines.tree);
   const VesselTree& tree = centrelines.tree;
   progress.begin("surface", 1, "surfaces");
@@ -164,8 +185,8 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
           std::move(notes)};
 }
 
-void write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automatic, const fs::path& folder,
-                   const Progress& progress) {
+EditedNames write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automatic,
+                          const fs::path& folder, const Progress& progress) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw InputError("{}: the folder cannot be created: {}", folder.string(), error.message());
@@ -181,13 +202,21 @@ void write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automat
     write_seg(scan, mask.geometry.spacing_mm.z, mask.voxels, {is_automatic, XRAYCAST_VERSION},
               folder / kVesselSegFile);
   for (const char* name : {"tree.vtp", "tree.json"}) write_tree(vessels.centrelines.tree, folder / name);
-  write_names(vessels.centrelines.tree, folder / kNamesFile);
+  EditedNames names = with_edited_names(vessels.centrelines.tree, folder);
+  if (!names.is_all_taken) names.notes.push_back(keep_earlier_names(folder));
+  write_names(names.tree, folder / kNamesFile);
   for (const char* name : {"surface.vtp", "surface.stl"}) write_mesh(vessels.surface, folder / name);
   check_cancelled();
   outputs.commit();
   if (!has_seg) remove_stale(folder / kVesselSegFile);
   if (!vessels.is_on_scan)
     for (const char* name : {"mask.nrrd", "lumen.nrrd"}) remove_stale(folder / name);
+  return names;
+}
+
+void take_names(Vessels& vessels, EditedNames names) {
+  vessels.centrelines.tree = std::move(names.tree);
+  std::ranges::move(names.notes, std::back_inserter(vessels.notes));
 }
 
 }  // namespace xraycast

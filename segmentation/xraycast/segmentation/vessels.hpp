@@ -4,6 +4,7 @@
 #include "xraycast/geometry/mesh.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/segment.hpp"
+#include "xraycast/vessel_names/edited_names.hpp"
 #include "xraycast/volume/scan_info.hpp"
 
 #include <array>
@@ -42,9 +43,15 @@ inline constexpr std::array kVesselFiles{"mask.nrrd", "lumen.nrrd", kVesselSegFi
 /// Writes vessels into a folder, which is made unless it exists: all files or none, because a mask beside
 /// another scan's tree would be misleading; vessels without a scan have no masks. `mask.seg.dcm` is a DICOM
 /// Segmentation of the scan's slices; where they do not let it be one (why_no_seg), that of an earlier scan
-/// is removed, and so are masks. Throws InputError when a file cannot be written or removed, Error when the
-/// disk is full. `is_automatic` is SegOptions'.
-void write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automatic,
-                   const std::filesystem::path& folder, const Progress& progress);
+/// is removed, and so are masks. What a user has edited in the folder's names.json stays, as
+/// with_edited_names takes it over; a file of which edits would be lost is kept as names-earlier.json, and a
+/// note says so. tree.json has the names that were found, so that edits are known from them. Throws
+/// InputError when a file cannot be written or removed, Error when the disk is full. `is_automatic` is
+/// SegOptions'.
+EditedNames write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automatic,
+                          const std::filesystem::path& folder, const Progress& progress);
+
+/// Gives vessels the names that write_vessels has written, and its notes.
+void take_names(Vessels& vessels, EditedNames names);
 
 }  // namespace xraycast

@@ -180,7 +180,11 @@ std::string assumptions(const SegmentLog& log, const SegmentRequest& request, do
     window = fmt::format("by evidence: lumen of {:.0f} HU above the background, blur {:.1f} voxels",
                          log.scale->lumen_hu, log.scale->blur_vox);
   return fmt::format("{}; noise {:.0f} HU; {}; weak evidence along {:.0f} % of the tree", window,
-                     log.noise_hu, seeds == 0 ? "no seeds" : pluralize(seeds, "seed"), 100 * weak_fraction);
+                     log.noise_hu,
+                     log.own_seed ? "begun in the " + log.own_seed->name
+                     : seeds == 0 ? "no seeds"
+                                  : pluralize(seeds, "seed"),
+                     100 * weak_fraction);
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/mask/skeleton_graph.hpp"
-#include "xraycast/segmentation/lumen.hpp"
+#include "xraycast/skeleton/lumen.hpp"
 
 #include <vector>
 

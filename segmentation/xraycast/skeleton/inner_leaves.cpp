@@ -1,4 +1,4 @@
-#include "xraycast/segmentation/inner_leaves.hpp"
+#include "xraycast/skeleton/inner_leaves.hpp"
 
 #include "xraycast/evidence/place_in_tube.hpp"
 

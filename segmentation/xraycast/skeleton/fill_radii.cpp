@@ -1,4 +1,4 @@
-#include "xraycast/segmentation/fill_radii.hpp"
+#include "xraycast/skeleton/fill_radii.hpp"
 
 #include "xraycast/mask/mask.hpp"
 

@@ -1,4 +1,4 @@
-#include "xraycast/segmentation/skeleton_pruning.hpp"
+#include "xraycast/skeleton/skeleton_pruning.hpp"
 
 #include "xraycast/base/union_find.hpp"
 
@@ -19,6 +19,7 @@ class SkeletonPruner {
   }
 
   SkeletonGraph run() {
+    remove_spurs();  // else one on a ring would be where that is cut, and its end
     open_cycles();
     for (int n = 0; n < static_cast<int>(graph_.nodes.size()); ++n) dissolve(n);
     remove_spurs();

@@ -1,4 +1,4 @@
-#include "xraycast/segmentation/lumen.hpp"
+#include "xraycast/skeleton/lumen.hpp"
 
 #include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/mask/trilinear.hpp"
