@@ -82,6 +82,7 @@ class EveryWriter : public CliOutput, public testing::WithParamInterface<Writer>
   void expect_whole_or_old_files(bool may_leave_parts) const;
   void expect_whole_files() const;
   bool is_whole(const std::string& name, std::uintmax_t size_B) const;
+  bool is_kept_copy(const std::string& name, const Content::mapped_type& content) const;
 };
 
 }  // namespace xraycast
