@@ -480,17 +480,27 @@ double WallContact::fraction_bare(const Rod& rod, std::size_t index, double bare
 }
 
 /// The search goes on from where the last step ended or, if the preceding point is in another vessel, from
-/// there, so that the rod passes from one vessel into another only where they meet.
+/// there, so that the rod passes from one vessel into another only where they meet. What would be deeper at
+/// once by more than a rod moves in a step lies where vessels meet that the tree has apart, as where a loop
+/// was cut or a malformation's vessels merge: it stays in its own.
 void WallContact::update_hint(std::size_t index) {
+  constexpr double kDeeper_mm = 0.5;
   FrictionState& state = states_[index];
   const int branch_before = state.hint.branch;
-  state.hint = contacts_[index].sample.hint;
+  const LumenDistanceField::SearchHint own = contacts_[index].sample.hint;
+  state.hint = own;
   if (index > 0 && contacts_[index - 1].sample.hint.branch != state.hint.branch)
     state.hint = contacts_[index - 1].sample.hint;
-  if (state.hint.branch != branch_before)
+  if (state.hint.branch != branch_before) {
+    const double depth_mm = contacts_[index].depth_mm;
     sample_wall(index, state.start_mm);
-  else if (!starts_anew_ && needs_sample(index, in_scan_mm(index, state.start_mm)))
+    if (contacts_[index].depth_mm > depth_mm + kDeeper_mm) {
+      state.hint = own;
+      sample_wall(index, state.start_mm);
+    }
+  } else if (!starts_anew_ && needs_sample(index, in_scan_mm(index, state.start_mm))) {
     sample_wall(index, state.start_mm);
+  }
 }
 
 /// In a body that is held, but for what would make a contact deeper, or begin one: that would make energy.
