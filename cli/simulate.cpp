@@ -11,6 +11,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/printable.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
@@ -264,7 +265,8 @@ void simulate(SimulateArguments options, Invocation& invocation) {
     write_picture(hub_plot(request.instruments[d].name() + ": at the hub", samples.records(), d), plots[d]);
   if (cine) cine->finish();
   if (!options.report.empty())
-    write_runs(options.report, {SavedRun::parse(monitor->json(true), fs::path(options.log).stem().string())});
+    write_runs(options.report, {SavedRun::parse(monitor->json(true),
+                                                printable_line(fs::path(options.report).stem().string()))});
   outputs.commit();
 
   Json result = json_of(run, request, options, wall_s);

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cerrno>
 #include <chrono>
@@ -94,6 +95,8 @@ class KilledDemo : public CliOutput {
       EXPECT_NO_THROW(open_scan(file, {}, unheard)) << file;
     else if (extension == ".stl")
       EXPECT_NO_THROW(read_mesh(file)) << file;
+    else if (file.filename() == "names.json")
+      EXPECT_TRUE(nlohmann::json::accept(read_bytes(file))) << file;
     else if (extension == ".json")
       EXPECT_NO_THROW(read_tree(file)) << file;
     else

@@ -12,9 +12,8 @@ const kLimits: Record<string, string> = {
 
 /** Opens the page anew. */
 function choose(exercise: number): void {
-  const before = location.hash;
-  location.hash = hash_with_exercise(before, exercise);
-  if (location.hash === before) location.reload(); // otherwise the page follows its address
+  history.replaceState(null, "", hash_with_exercise(location.hash, exercise));
+  location.reload();
 }
 
 export class Exercise {

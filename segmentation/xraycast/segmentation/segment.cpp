@@ -81,14 +81,14 @@ struct ChosenWindow {
       name, places.empty() ? "" : "; the brightest candidates are ", places);
 }
 
-/// The great vessel to begin with where a scan's histogram shows none or brighter ones: the first, if all are
-/// darker than those.
+/// The great vessel to begin with where a scan's histogram shows none, or brighter ones: then the aorta, if
+/// all that were found are darker than those. An aorta full of contrast agent is none of them.
 std::optional<GreatVessel> darker_great_vessel(const Volume& volume,
                                                const std::optional<Contrast>& contrast) {
   const std::vector<GreatVessel> found = find_great_vessels(volume);
   if (found.empty()) return std::nullopt;
   const auto is_seen = [&](const GreatVessel& vessel) { return vessel.hu >= window_of(*contrast).low_hu; };
-  if (contrast && std::ranges::any_of(found, is_seen)) return std::nullopt;
+  if (contrast && (found.front().name != "aorta" || std::ranges::any_of(found, is_seen))) return std::nullopt;
   return found.front();
 }
 
@@ -217,8 +217,9 @@ class ThresholdSteps {
       return after_all_steps();
     } catch (const InputError&) {
       if (!log_.own_seed) throw;  // of a seed that nobody has given there is nothing to say
-      throw_without_contrast(volume_, name_, device_);
     }
+    leave_own_seed_out();
+    return after_all_steps();
   }
 
  private:
@@ -255,7 +256,9 @@ class ThresholdSteps {
     std::optional<Contrast> contrast;
     if (!request_.window_hu) {
       contrast = find_contrast(denoised_scan(), name_, progress_);
-      if (!is_subtracted_ && markers().vessels_mm.empty()) seed_great_vessel(contrast);
+      if (seeks_own_seed_ && !is_subtracted_ && markers().vessels_mm.empty() &&
+          markers().not_vessels_mm.empty())
+        seed_great_vessel(contrast);
     }
     if (!markers().vessels_mm.empty()) smooth_ = smoothed_for_seeds(volume_, device_);
     if (!is_subtracted_) seeds_ = look_at_seeds(at_seeds(), markers());
@@ -267,6 +270,14 @@ class ThresholdSteps {
       window_ = choose_window(denoised_scan(), contrast, seeds_, name_);
     log_.window = window_.hu;
     log_.is_window_of_seeds = window_.is_of_seeds;
+  }
+
+  void leave_own_seed_out() {
+    seeks_own_seed_ = false;
+    log_.own_seed.reset();
+    markers_.vessels_mm.clear();
+    smooth_.reset();
+    seeds_.clear();
   }
 
   void seed_great_vessel(const std::optional<Contrast>& contrast) {
@@ -340,6 +351,7 @@ class ThresholdSteps {
   const Volume& volume_;
   std::optional<Volume> quiet_, smooth_;
   bool is_subtracted_;
+  bool seeks_own_seed_ = true;
   Markers markers_;  ///< of the request, and a seed of its own
   std::vector<Seed> seeds_;
   ChosenWindow window_{};

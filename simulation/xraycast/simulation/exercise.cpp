@@ -126,7 +126,7 @@ EntryChoice entry_in(const nlohmann::json& value, const std::string& field) {
   if (value.is_string()) return {value.get<std::string>(), field};
   if (value.is_array()) return {place_of(value, field), field};
   const std::optional<std::int64_t> branch = whole_number(value);
-  if (!branch || std::abs(*branch) > 1'000'000)
+  if (!branch || *branch < -1'000'000 || *branch > 1'000'000)
     throw InputError("{}: is neither a branch's number, nor a vessel's name, nor [x, y, z]", field);
   return {static_cast<int>(*branch), field};
 }

@@ -23,12 +23,18 @@ bool RunReport::Course::turns_back(double now, double least) {
 RunReport::Way RunReport::way_of(const Instruments& instruments, std::size_t instrument) {
   Way way;
   const InstrumentTip tip = instruments.tip(instrument);
-  way.before = way.window_pose = instruments.pose(instrument);
+  way.before = instruments.pose(instrument);
   way.insertion.furthest = way.before.insertion_mm;
   way.rotation.furthest = way.before.rotation_rad;
-  way.counted_mm = way.window_tip_mm = tip.position_mm;
-  way.window_direction = tip.direction;
+  way.counted_mm = tip.position_mm;
+  begin_window(way, way.before, tip);
   return way;
+}
+
+void RunReport::begin_window(Way& way, const HubPose& pose, const InstrumentTip& tip) {
+  way.window_pose = pose;
+  way.window_tip_mm = tip.position_mm;
+  way.window_direction = tip.direction;
 }
 
 RunReport::RunReport(const Instruments& instruments) : moves_(instruments.count()) {
@@ -46,7 +52,11 @@ void RunReport::add(const Instruments& instruments, const RunUse& use) {
     moves = moves || moves_[d];
     add_loads(d, instruments);
   }
-  if (!moves && steps_ == 0) return;
+  if (!moves && steps_ == 0) {
+    for (std::size_t d = 0; d < instruments.count(); ++d)
+      begin_window(ways_[d], instruments.pose(d), instruments.tip(d));
+    return;
+  }
   ++steps_;
   if (!moves) ++idle_steps_;
   const double step_s = instruments.step_s();
@@ -130,9 +140,7 @@ void RunReport::add_window(std::size_t instrument, const Instruments& instrument
   if (whips && !way.whips) ++figures.whips;
   way.slips = slips;
   way.whips = whips;
-  way.window_pose = pose;
-  way.window_tip_mm = tip.position_mm;
-  way.window_direction = tip.direction;
+  begin_window(way, pose, tip);
 }
 
 void RunReport::add_series(const Instruments& instruments) {

@@ -109,6 +109,7 @@ class RunReport {
     long idle_steps = 0;
   };
   static Way way_of(const Instruments& instruments, std::size_t instrument);
+  static void begin_window(Way& way, const HubPose& pose, const InstrumentTip& tip);
   bool add_hub(std::size_t instrument, const Instruments& instruments);
   void add_loads(std::size_t instrument, const Instruments& instruments);
   void add_window(std::size_t instrument, const Instruments& instruments);

@@ -71,8 +71,9 @@ const SavedJson* find(const SavedJson& object, const char* key) {
 }
 
 double number_in(const SavedJson& value, const std::string& where) {
-  if (!value.is_number() || !std::isfinite(value.get<double>()))
-    throw InputError("{}: is not a number", where);
+  constexpr double kMost = 1e9;  // beyond any run; what axes can be drawn of
+  if (!value.is_number() || !(std::abs(value.get<double>()) <= kMost))
+    throw InputError("{}: is not a number from -1e9 to 1e9", where);
   return value.get<double>();
 }
 

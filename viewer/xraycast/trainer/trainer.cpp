@@ -48,6 +48,7 @@ void Trainer::exchange(std::size_t instrument, std::size_t choice) {
     throw InputError("there is no instrument {} or {}", instrument, choice);
   instruments_.exchange(instrument, setup_.choices[choice]);
   setup_.used[instrument] = choice;
+  poses_.clear();  // of a recording that begins anew
   monitor_.exchanged(instrument, instruments_, setup_.choices[choice].name());
   couplings_.replace(instrument, {}, instruments_.max_insertion_mm(instrument));
 }
