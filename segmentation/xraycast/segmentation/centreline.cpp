@@ -104,19 +104,23 @@ void fit_end(Line& line, const Lumen& lumen, double step_mm) {
   constexpr std::size_t kTangentReach = 6;
   const std::size_t inner = line.size() - 1 - std::min(line.size() - 1, 2 * kTangentReach);
   const auto [radius_mm, margin_mm] = even_radius(line, lumen, inner, kTangentReach);
-  const double min_radius_mm = radius_mm - margin_mm;
   // A vessel as thin as a voxel has the least distance to a wall that there is, beyond its end as well.
-  const auto fits = [&](const glm::dvec3& p) {
+  const auto fits = [&](const glm::dvec3& p, double min_radius_mm) {
     return lumen.contains(p) && lumen.occupancy(p) > 0.5 && lumen.inscribed_radius_mm(p) >= min_radius_mm;
   };
   const auto max_points = static_cast<std::size_t>(std::ceil(radius_mm / step_mm));
   std::size_t removed = 0;
-  while (removed < max_points && line.size() > inner + 2 && line.size() > 3 && !fits(line.back()))
+  while (removed < max_points && line.size() > inner + 2 && line.size() > 3 &&
+         !fits(line.back(), radius_mm - margin_mm))
     line.pop_back(), ++removed;
   if (removed > 0) return take_off_shortfall(line, lumen, radius_mm);
+  // Noise makes wide ends too: beyond the line only what is as wide as the vessel is taken.
+  const double own_mm = lumen.inscribed_radius_mm(line[inner]);
   const glm::dvec3 along =
       tangent_at(line, line.size() - 1 - std::min(line.size() - 1, kTangentReach), kTangentReach);
-  for (std::size_t added = 0; added < 2 * max_points && fits(line.back() + step_mm * along); ++added)
+  for (std::size_t added = 0;
+       added < 2 * max_points && fits(line.back() + step_mm * along, own_mm - 0.2 * lumen.voxel_mm());
+       ++added)
     line.push_back(line.back() + step_mm * along);
   take_off_shortfall(line, lumen, radius_mm);
 }
