@@ -346,7 +346,9 @@ PoseFit::Linear PoseFit::fit_of(const Seen& seen, EdgesOf edges, double threshol
   fit.similarities = {0};
   if (!(of_f.norm > 0) || !(of_m.norm > 0)) return fit;
   const bool has_slopes = !(moving.slopes[0].*edges).empty();
-  const auto slope_at = [&](std::size_t k, std::size_t i) -> double { return (moving.slopes[k].*edges)[i]; };
+  const auto slope_at = [&slopes = moving.slopes, edges](std::size_t k, std::size_t i) -> double {
+    return (slopes[k].*edges)[i];
+  };
   // A change of the pose changes mean and norm too: what is left of it is orthogonal to both.
   Vector6 slope_mean = Vector6::Zero(), along = Vector6::Zero();
   double count = 0, product = 0;

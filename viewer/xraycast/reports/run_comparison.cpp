@@ -86,9 +86,9 @@ std::string text_in(const SavedJson& object, const char* key, const std::string&
 
 const SavedJson& list_in(const SavedJson& object, const char* key, std::size_t most,
                          const std::string& where) {
-  static const SavedJson kNone = SavedJson::array();
+  static const SavedJson none = SavedJson::array();
   const SavedJson* value = find(object, key);
-  if (!value) return kNone;
+  if (!value) return none;
   if (!value->is_array() || value->size() > most)
     throw InputError("{}: \"{}\" is not a list of at most {}", where, key, most);
   for (const SavedJson& element : *value)
