@@ -225,10 +225,6 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
   return json;
 }
 
-std::optional<ExerciseProgress> progress_of(const std::optional<Exercise>& exercise, const VesselTree& tree) {
-  return exercise ? std::optional<ExerciseProgress>(std::in_place, *exercise, tree) : std::nullopt;
-}
-
 void simulate(SimulateArguments options, Invocation& invocation) {
   const std::optional<Exercise> exercise = parse_exercise_option(options.exercise, options.tree, options.run);
   check_writable(options.log);
@@ -248,10 +244,12 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   std::optional<Cine> cine;
   if (!options.cine.empty()) cine.emplace(options, request, invocation);
   HubSamples samples(*request.script);
+  const bool is_monitored = exercise || !options.report.empty();
   std::optional<RunMonitor> monitor;
   const Run run = xraycast::run(request, invocation.progress, [&](const Instruments& moved, double time_s) {
     if (!options.plot.empty()) samples.record(moved, time_s);
     if (cine) cine->advance(moved, time_s);
+    if (!is_monitored) return;
     if (!monitor)
       monitor.emplace(moved, names_of(request.instruments), progress_of(exercise, *request.tree));
     else
@@ -272,7 +270,7 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   Json result = json_of(run, request, options, wall_s);
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
-  if (exercise || !options.report.empty()) result["report"] = Json::parse(monitor->json(false));
+  if (is_monitored) result["report"] = Json::parse(monitor->json(false));
   if (exercise) pictures = in_words(*monitor->progress()) + "\n";
   if (const auto exposure = cine ? cine->exposure() : std::nullopt) {
     result["fluoroscope"] = to_json(*exposure);

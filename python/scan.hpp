@@ -31,7 +31,7 @@ class HeldScan {
 
   const std::shared_ptr<Volume>& volume() const { return volume_; }
   const VolumeGeometry& geometry() const { return volume_->geometry(); }
-  glm::dvec3 middle_mm() const { return 0.5 * (geometry().lower_mm() + geometry().upper_mm()); }
+  glm::dvec3 middle_mm() const { return geometry().middle_mm(); }
   const ScanInfo& info() const { return info_; }
   const std::string& source() const { return source_; }  ///< for messages and in files
   void describe(ScanInfo info, std::string source) {

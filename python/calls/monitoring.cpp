@@ -15,11 +15,6 @@ std::optional<Exercise> take_exercise(RunRequest& request, const nb::object& ent
   return task;
 }
 
-std::optional<ExerciseProgress> progress_of(const std::optional<Exercise>& exercise, const VesselTree& tree) {
-  if (!exercise) return std::nullopt;
-  return ExerciseProgress(*exercise, tree);
-}
-
 nb::dict report_object(const std::string& json) {
   return nb::cast<nb::dict>(nb::module_::import_("json").attr("loads")(nb::str(json.c_str(), json.size())));
 }

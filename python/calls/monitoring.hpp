@@ -15,9 +15,6 @@ namespace xraycast::python {
 std::optional<Exercise> take_exercise(RunRequest& request, const nb::object& entry,
                                       const nb::object& exercise);
 
-/// How far an exercise is as it begins; none where there is none.
-std::optional<ExerciseProgress> progress_of(const std::optional<Exercise>& exercise, const VesselTree& tree);
-
 /// RunMonitor's JSON as a dict.
 nb::dict report_object(const std::string& json);
 

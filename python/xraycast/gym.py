@@ -90,7 +90,7 @@ class _Task:
     def __init__(self, file, vessels, tree):
         self.file, document = file, json.loads(pathlib.Path(file).read_text(encoding="utf-8"))
         CoaxialInstruments(vessels, self._beside(document["instruments"]), exercise=file)  # whether it can be done
-        self.instruments, self.places, self.names = self._beside(document["instruments"]), [], []
+        self.instruments, self.places = self._beside(document["instruments"]), []
         for target in document["targets"]:
             if "at_mm" in target:
                 self.places.append(tree.nearest(target["at_mm"]))
@@ -303,12 +303,12 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
             self.target = int(self.np_random.choice(away or self.tree.leaves))
         self.steps = 0
         self._aim()
-        way, arcs, _ = self._look_ahead()
+        way, arcs, _ = ahead = self._look_ahead()
         if self.fluoroscope:
             self.fluoroscope.move(self.states[0].phases)
             self.fluoroscope.use(self.run.shapes[0])
             self.road_map = self.fluoroscope.road_map(way, arcs)
-        return self._observe(), self._info()
+        return self._observe(ahead), self._info()
 
     def _aim(self):
         """At the target that is next."""
@@ -327,7 +327,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         self.states = self.run.step(push_mm=moves[:, 0], turn_deg=moves[:, 1], ms=self.ms)
         self.report = self.run.report()
         self.steps += 1
-        self._look_ahead()
+        ahead = self._look_ahead()
         reward = before_mm - self.left_mm - self.PRICE
         if self.task:
             now, then = self.report["exercise"], before["exercise"]
@@ -335,10 +335,12 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
             reward += self.BONUS * gained - ENTERED * (len(now["forbidden_entries"]) - len(then["forbidden_entries"]))
             is_there = now["is_complete"]
             self._aim()
+            if gained:
+                ahead = self._look_ahead()
         else:
             is_there = bool(self.left_mm < self.REACHED_MM)
             reward += self.BONUS if is_there else 0
-        observation = self._observe()
+        observation = self._observe(ahead)
         return observation, float(reward), is_there, self.steps >= self.max_steps, self._info()
 
     def _look_ahead(self):
@@ -352,8 +354,8 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         self.left_mm = float(best[1][-1])
         return best
 
-    def _observe(self):
-        way, arcs, state = self._look_ahead()
+    def _observe(self, ahead):
+        way, arcs, state = ahead
         if self.fluoroscope:
             self.fluoroscope.move(state.phases)
             return np.stack([self.fluoroscope.picture(self.run.shapes), self.road_map], axis=-1)

@@ -86,7 +86,7 @@ TEST_F(SimulateCommand, FollowsAnExercise) {
   EXPECT_NEAR(report["instruments"][0]["tip_path_mm"], 20, 1);
   EXPECT_FALSE(report.contains("fluoroscopy_s"));
   Json saved = Json::parse(read_bytes(folder_ / "report.json"));
-  EXPECT_EQ(saved["name"], "log");
+  EXPECT_EQ(saved["name"], "report");
   EXPECT_EQ(saved["exercise"], report["exercise"]);
   EXPECT_GT(saved["series"]["time_s"].size(), 4);
   EXPECT_THAT(output_of(line + ".csv"), HasSubstr("Up: not complete; half way after 0.1"));

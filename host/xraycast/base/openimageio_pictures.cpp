@@ -76,9 +76,8 @@ class OpenImageIo final : public PictureFormats {
     if (!file) throw std::runtime_error(OIIO::geterror());
     check(file->seek_subimage(page, 0), *file);
     const OIIO::ImageSpec spec = file->spec();
-    constexpr int kMostPixels = 8192;
-    if (spec.width > kMostPixels || spec.height > kMostPixels)
-      throw std::runtime_error("it has more than 8192 pixels along a side");
+    if (spec.width > kMostPicturePixels || spec.height > kMostPicturePixels)
+      throw std::runtime_error(kTooManyPixels);
     const int colours = std::min(spec.nchannels, 3);
     OIIO::ImageBuf picture(OIIO::ImageSpec(spec.width, spec.height, colours, OIIO::TypeFloat));
     check(file->read_image(page, 0, 0, colours, OIIO::TypeFloat, picture.localpixels()), *file);

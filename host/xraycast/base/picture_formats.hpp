@@ -4,6 +4,10 @@
 
 namespace xraycast {
 
+/// Along a side of a picture that is read; and what is said of a larger one.
+inline constexpr int kMostPicturePixels = 8192;
+inline constexpr const char* kTooManyPixels = "it has more than 8192 pixels along a side";
+
 /// What the module of OpenImageIO does. Failures are std::exceptions that say what is wrong without naming
 /// the file.
 class PictureFormats {

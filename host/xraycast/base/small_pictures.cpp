@@ -3,6 +3,7 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/memory_limit.hpp"
+#include "xraycast/base/picture_formats.hpp"
 #include "xraycast/base/printable.hpp"
 #include "xraycast/base/whole_file.hpp"
 
@@ -145,9 +146,7 @@ FloatPicture read_grey_png(const std::filesystem::path& path) {
     png_read_update_info(png, info);
   });
   const auto width = png_get_image_width(png, info), height = png_get_image_height(png, info);
-  constexpr png_uint_32 kMostPixels = 8192;
-  if (width > kMostPixels || height > kMostPixels)
-    throw InputError("it has more than {} pixels along a side", kMostPixels);
+  if (std::max(width, height) > png_uint_32{kMostPicturePixels}) throw InputError(kTooManyPixels);
   const std::size_t row_B = png_get_rowbytes(png, info), channels = png_get_channels(png, info);
   const bool has_16_bits = png_get_bit_depth(png, info) == 16;
   const std::int64_t pixels = std::int64_t{width} * height,

@@ -48,7 +48,7 @@ XrcDetector detector_of(const View& view, const VolumeGeometry& volume,
     // Far enough to both sides for every pixel's ray to leave the scan, however the picture's plane is
     // placed.
     const double span_mm = glm::length(volume.upper_mm() - volume.lower_mm()) +
-                           glm::distance(view.centre_mm, 0.5 * (volume.lower_mm() + volume.upper_mm())) +
+                           glm::distance(view.centre_mm, volume.middle_mm()) +
                            view.pixel_mm * (view.width + view.height);
     store(span_mm * view.towards_detector() / volume.spacing_mm, detector.beam);
   }

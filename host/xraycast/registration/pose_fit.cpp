@@ -22,7 +22,7 @@ const Vector6 kUnits = (Vector6() << 1, 1, 1, 0.01, 0.01, 0.01).finished();
 
 /// Whether some of the scan lies before the camera, so that it can be projected.
 bool is_before(const PinholeCamera& camera, const VolumeGeometry& volume) {
-  const glm::dvec3 middle = 0.5 * (volume.lower_mm() + volume.upper_mm());
+  const glm::dvec3 middle = volume.middle_mm();
   return (camera.rotation * middle + camera.translation_mm).z > 0;
 }
 
@@ -412,13 +412,13 @@ PoseFit::Linear PoseFit::linear_fit(std::span<const Seen> seen, double threshold
 /// In mm where the scan's middle is, as the first view shows it.
 double PoseFit::pixel_mm(const RigidMotion& motion) const {
   const PinholeCamera camera = seeing(views_[0].camera, motion);
-  const glm::dvec3 middle = 0.5 * (scan_.geometry().lower_mm() + scan_.geometry().upper_mm());
+  const glm::dvec3 middle = scan_.geometry().middle_mm();
   const double depth_mm = (camera.rotation * middle + camera.translation_mm).z;
   return std::abs(depth_mm / camera.intrinsics[0][0]);
 }
 
 PoseFit::Refined PoseFit::refine(const RigidMotion& start, int most_steps, Progress& progress) const {
-  const glm::dvec3 middle = 0.5 * (scan_.geometry().lower_mm() + scan_.geometry().upper_mm());
+  const glm::dvec3 middle = scan_.geometry().middle_mm();
   // Less is not told apart at this level.
   constexpr double kSmallestShare = 0.01, kSmallestGain = 1e-5;
   const double smallest_mm = kSmallestShare * pixel_mm(start);

@@ -206,8 +206,7 @@ Registrar::Registrar(ComputeDevice& device, const Volume& scan, std::span<const 
 /// Voxels about as large as the pixels that are compared.
 void Registrar::make_pyramid(const PinholeCamera& camera, Progress& progress) {
   const VolumeGeometry& grid = scan_.geometry();
-  const glm::dvec3 middle = 0.5 * (grid.lower_mm() + grid.upper_mm()),
-                   extent_mm = grid.upper_mm() - grid.lower_mm();
+  const glm::dvec3 middle = grid.middle_mm(), extent_mm = grid.upper_mm() - grid.lower_mm();
   const double depth_mm = std::max((camera.rotation * middle + camera.translation_mm).z, 1.0),
                field_mm = std::max(camera.width, camera.height) * depth_mm /
                           std::max(std::abs(camera.intrinsics[0][0]), 1e-9),

@@ -14,8 +14,6 @@
 namespace xraycast {
 namespace {
 
-glm::dvec3 middle_of(const VolumeGeometry& scan) { return 0.5 * (scan.lower_mm() + scan.upper_mm()); }
-
 /// The camera's axes at C-arm angles: seen from the detector, as View is, or from behind.
 glm::dmat3 rotation_at(double lao_rad, double cranial_rad, bool is_mirrored) {
   View view;
@@ -28,7 +26,7 @@ glm::dmat3 rotation_at(double lao_rad, double cranial_rad, bool is_mirrored) {
 }  // namespace
 
 PinholeCamera looking_at(PinholeCamera camera, const VolumeGeometry& scan) {
-  camera.translation_mm -= camera.rotation * middle_of(scan);
+  camera.translation_mm -= camera.rotation * scan.middle_mm();
   return camera;
 }
 
@@ -43,7 +41,7 @@ RigidMotion read_start(const std::string& text, const PinholeCamera& camera, con
     throw InputError("--start {}: angles must be within 180 and 90 degrees", text);
   const glm::dmat3 wanted =
       rotation_at(glm::radians(lao_deg), glm::radians(cranial_deg), glm::determinant(camera.rotation) < 0);
-  const glm::dvec3 middle = middle_of(scan);
+  const glm::dvec3 middle = scan.middle_mm();
   // wanted = camera.rotation * motion.rotation; the middle stays where it is.
   const glm::dmat3 rotation = glm::transpose(camera.rotation) * wanted;
   return {rotation, middle - rotation * middle};

@@ -226,7 +226,7 @@ double share_outside(const ResidentScan& scan, const MapGeometry& geometry, cons
                      Progress& progress) {
   constexpr double kPixel_mm = 4;
   const VolumeGeometry& volume = scan.geometry();
-  View view{.centre_mm = 0.5 * (volume.lower_mm() + volume.upper_mm()), .pixel_mm = kPixel_mm};
+  View view{.centre_mm = volume.middle_mm(), .pixel_mm = kPixel_mm};
   view = fitted(view, volume,
                 {glm::dvec2(view.centre_mm),
                  0.5 * glm::distance(glm::dvec2(volume.lower_mm()), glm::dvec2(volume.upper_mm()))});

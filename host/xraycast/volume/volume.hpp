@@ -33,6 +33,7 @@ struct VolumeGeometry {
   /// Outer faces of the border voxels.
   glm::dvec3 lower_mm() const { return origin_mm - 0.5 * spacing_mm; }
   glm::dvec3 upper_mm() const { return lower_mm() + spacing_mm * glm::dvec3(size); }
+  glm::dvec3 middle_mm() const { return 0.5 * (lower_mm() + upper_mm()); }
 
   bool operator==(const VolumeGeometry&) const = default;
 };

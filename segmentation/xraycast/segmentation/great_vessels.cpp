@@ -157,7 +157,7 @@ bool goes_on(const Disc& below, const Disc& above) {
              kAlikeRadius * std::min(above.radius_mm, below.radius_mm);
 }
 
-/// The longest chain of discs that go on in each other, from below; by slices, of which `kGap` may lack one.
+/// The longest chain of discs that go on in each other, from below, at most kGap slices apart.
 std::vector<Disc> longest_chain(const std::vector<Disc>& discs) {
   constexpr std::int64_t kGap = 3;
   std::vector<int> count(discs.size(), 1), before(discs.size(), -1);

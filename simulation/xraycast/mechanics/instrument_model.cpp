@@ -190,6 +190,12 @@ InstrumentModel InstrumentModel::named(const std::string& name_or_file) {
   });
 }
 
+std::vector<std::string> names_of(const std::vector<InstrumentModel>& instruments) {
+  std::vector<std::string> names;
+  for (const InstrumentModel& model : instruments) names.push_back(model.name());
+  return names;
+}
+
 std::string diameter_text(const InstrumentModel& instrument) {
   constexpr double kFrench_per_mm = 3, kInch_mm = 25.4;
   const double diameter_mm = 2 * instrument.radius_mm();

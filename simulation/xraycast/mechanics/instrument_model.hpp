@@ -86,6 +86,8 @@ class InstrumentModel {
   double length_mm_ = 0;
 };
 
+std::vector<std::string> names_of(const std::vector<InstrumentModel>& instruments);
+
 /// How thick an instrument is, in mm and as its package says: `1.67 mm (5 F)` for one with a lumen, of three
 /// French a millimetre, `0.889 mm (0.035 in)` for a wire.
 std::string diameter_text(const InstrumentModel& instrument);

@@ -10,9 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <initializer_list>
 #include <string_view>
 #include <utility>
 
@@ -27,8 +25,7 @@ constexpr double kMostLimit = 1e6, kMostDepth_mm = 1000, kMostRadius_mm = 50;
 /// An object's fields, of which every one must be known.
 class ExerciseFields {
  public:
-  ExerciseFields(const nlohmann::json& object, std::string where,
-                 std::initializer_list<std::string_view> known)
+  ExerciseFields(const nlohmann::json& object, std::string where, const std::vector<std::string_view>& known)
       : object_(object), where_(std::move(where)) {
     if (!object.is_object()) throw InputError("{}: is not an object", where_);
     for (const auto& [key, value] : object.items())
@@ -174,21 +171,12 @@ ForbiddenVessel forbidden_in(const nlohmann::json& value, const std::string& fie
           vessel_of(fields.value("vessel"), fields.field("vessel"), tree)};
 }
 
-using Limit = std::pair<const char*, std::optional<double> ExerciseLimits::*>;
-constexpr std::array<Limit, 7> kLimits{{{"time_s", &ExerciseLimits::time_s},
-                                        {"fluoroscopy_s", &ExerciseLimits::fluoroscopy_s},
-                                        {"air_kerma_mGy", &ExerciseLimits::air_kerma_mGy},
-                                        {"dap_Gycm2", &ExerciseLimits::dap_Gycm2},
-                                        {"contrast_ml", &ExerciseLimits::contrast_ml},
-                                        {"force_N", &ExerciseLimits::force_N},
-                                        {"wall_force_N", &ExerciseLimits::wall_force_N}}};
-
 ExerciseLimits limits_of(const nlohmann::json& value, const std::string& where) {
-  const ExerciseFields fields(
-      value, where,
-      {"time_s", "fluoroscopy_s", "air_kerma_mGy", "dap_Gycm2", "contrast_ml", "force_N", "wall_force_N"});
+  std::vector<std::string_view> names;
+  for (const ExerciseLimit& limit : kExerciseLimits) names.emplace_back(limit.name);
+  const ExerciseFields fields(value, where, names);
   ExerciseLimits limits;
-  for (const auto& [key, limit] : kLimits)
+  for (const auto& [key, limit] : kExerciseLimits)
     if (fields.has(key)) limits.*limit = fields.number(key, kMostLimit);
   return limits;
 }
@@ -251,7 +239,7 @@ std::string to_json(const Exercise& exercise) {
   for (const ForbiddenVessel& vessel : exercise.forbidden)
     json["forbidden"].push_back({{"name", vessel.name}, {"vessel", vessel.branches}});
   json["limits"] = ExerciseJson::object();
-  for (const auto& [key, limit] : kLimits)
+  for (const auto& [key, limit] : kExerciseLimits)
     if (exercise.limits.*limit) json["limits"][key] = *(exercise.limits.*limit);
   return json.dump();
 }

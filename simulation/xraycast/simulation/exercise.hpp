@@ -5,6 +5,7 @@
 
 #include <glm/vec3.hpp>
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <optional>
@@ -34,6 +35,20 @@ struct ExerciseLimits {
   std::optional<double> time_s{}, fluoroscopy_s{}, air_kerma_mGy{}, dap_Gycm2{}, contrast_ml{};
   std::optional<double> force_N{}, wall_force_N{};  ///< of any instrument: at its hub, on the wall
 };
+
+/// Each of them, by its field in the exercise's file.
+struct ExerciseLimit {
+  const char* name;
+  std::optional<double> ExerciseLimits::*value;
+};
+inline constexpr std::array<ExerciseLimit, 7> kExerciseLimits{
+    {{"time_s", &ExerciseLimits::time_s},
+     {"fluoroscopy_s", &ExerciseLimits::fluoroscopy_s},
+     {"air_kerma_mGy", &ExerciseLimits::air_kerma_mGy},
+     {"dap_Gycm2", &ExerciseLimits::dap_Gycm2},
+     {"contrast_ml", &ExerciseLimits::contrast_ml},
+     {"force_N", &ExerciseLimits::force_N},
+     {"wall_force_N", &ExerciseLimits::wall_force_N}}};
 
 /// A task in a vessel tree (docs/exercises.md).
 struct Exercise {

@@ -35,17 +35,16 @@ ExerciseProgress::ExerciseProgress(Exercise exercise, const VesselTree& tree)
     forbidden_depths_.emplace_back(tree, vessel.branches);
     is_in_.emplace_back(Instruments::kMaxCount, false);
   }
-  const ExerciseLimits& limits = exercise_.limits;
-  const auto add = [&](const char* name, const std::optional<double>& limit) {
-    if (limit) state_.limits.push_back({.name = name, .limit = *limit});
-  };
-  add("time_s", limits.time_s);
-  add("fluoroscopy_s", limits.fluoroscopy_s);
-  add("air_kerma_mGy", limits.air_kerma_mGy);
-  add("dap_Gycm2", limits.dap_Gycm2);
-  add("contrast_ml", limits.contrast_ml);
-  add("force_N", limits.force_N);
-  add("wall_force_N", limits.wall_force_N);
+  for (const ExerciseLimit& of : kExerciseLimits)
+    if (const std::optional<double>& limit = exercise_.limits.*of.value) {
+      state_.limits.push_back({.name = of.name, .limit = *limit});
+      limited_.push_back(of.value);
+    }
+}
+
+std::optional<ExerciseProgress> progress_of(const std::optional<Exercise>& exercise, const VesselTree& tree) {
+  if (!exercise) return std::nullopt;
+  return ExerciseProgress(*exercise, tree);
 }
 
 void ExerciseProgress::add(const Instruments& instruments, const RunReport& report) {
@@ -88,16 +87,16 @@ void ExerciseProgress::add_limits(const Instruments& instruments, const RunRepor
   double force_N = 0;
   for (std::size_t d = 0; d < instruments.count(); ++d)
     force_N = std::max(force_N, std::abs(instruments.load(d).force_N));
-  const auto value_of = [&](const std::string& name) -> std::optional<double> {
-    if (name == "time_s") return figures.time_s;
-    if (name == "fluoroscopy_s") return figures.use.fluoroscopy_s;
-    if (name == "air_kerma_mGy") return figures.use.air_kerma_mGy;
-    if (name == "dap_Gycm2") return figures.use.dap_Gycm2;
-    if (name == "contrast_ml") return figures.use.contrast_ml;
-    return name == "force_N" ? force_N : report.wall_N();
-  };
-  for (ExerciseState::Limit& limit : state_.limits) {
-    limit.value = std::max(limit.value, value_of(limit.name));  // nothing is less than any
+  const ExerciseLimits now{.time_s = figures.time_s,
+                           .fluoroscopy_s = figures.use.fluoroscopy_s,
+                           .air_kerma_mGy = figures.use.air_kerma_mGy,
+                           .dap_Gycm2 = figures.use.dap_Gycm2,
+                           .contrast_ml = figures.use.contrast_ml,
+                           .force_N = force_N,
+                           .wall_force_N = report.wall_N()};
+  for (std::size_t i = 0; i < limited_.size(); ++i) {
+    ExerciseState::Limit& limit = state_.limits[i];
+    limit.value = std::max(limit.value, now.*limited_[i]);  // nothing is less than any
     if (!limit.passed_s && limit.value > limit.limit) limit.passed_s = figures.time_s;
   }
 }

@@ -61,7 +61,11 @@ class ExerciseProgress {
   Exercise exercise_;
   std::vector<VesselDepth> target_depths_, forbidden_depths_;
   std::vector<std::vector<bool>> is_in_;  ///< of each forbidden vessel, each instrument
+  std::vector<std::optional<double> ExerciseLimits::*> limited_;  ///< of the state's limits
   ExerciseState state_;
 };
+
+/// Of an exercise as it begins; none where there is none.
+std::optional<ExerciseProgress> progress_of(const std::optional<Exercise>& exercise, const VesselTree& tree);
 
 }  // namespace xraycast

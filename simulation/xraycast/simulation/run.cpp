@@ -221,12 +221,6 @@ std::vector<InstrumentModel> instruments_named(const std::vector<std::string>& n
   return instruments;
 }
 
-std::vector<std::string> names_of(const std::vector<InstrumentModel>& instruments) {
-  std::vector<std::string> names;
-  for (const InstrumentModel& model : instruments) names.push_back(model.name());
-  return names;
-}
-
 std::vector<std::string> check(const RunRequest& request) {
   if (!request.tree)
     throw InputError("`tree`: missing; a run needs a vessel tree, such as `xraycast segment` writes");

@@ -17,8 +17,6 @@ namespace xraycast {
 /// Presets by their names, or JSON files. Throws InputError.
 std::vector<InstrumentModel> instruments_named(const std::vector<std::string>& names);
 
-std::vector<std::string> names_of(const std::vector<InstrumentModel>& instruments);
-
 /// Instruments in a vessel tree, and what moves their hubs: a script, or a hand (see HapticDevice).
 struct RunRequest {
   std::shared_ptr<const VesselTree> tree{};

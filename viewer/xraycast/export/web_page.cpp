@@ -71,9 +71,10 @@ class Parts {
     index_[name] = {bytes_.size(), bytes.size()};
     bytes_ += bytes;
   }
-  void add(const std::string& name, std::span<const float> values) {
+  template <typename Number>
+  void add(const std::string& name, const std::vector<Number>& values) {
     static_assert(std::endian::native == std::endian::little);  // as in browsers
-    add(name, std::string_view(reinterpret_cast<const char*>(values.data()), values.size_bytes()));
+    add(name, std::string_view(reinterpret_cast<const char*>(values.data()), sizeof(Number) * values.size()));
   }
   const PageJson& index() const { return index_; }
   const std::string& bytes() const { return bytes_; }
@@ -214,33 +215,27 @@ PageJson add_run(const ExportRequest& session, Parts& parts) {
           {"instruments", std::move(instruments)}};
 }
 
+PageJson instruments_json(const std::vector<InstrumentModel>& models) {
+  PageJson instruments = PageJson::array();
+  for (const InstrumentModel& model : models)
+    instruments.push_back(instrument_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
+  return instruments;
+}
+
 PageJson add_live(const ExportRequest& session, Parts& parts) {
   if (!session.live) return {};
-  PageJson instruments = PageJson::array();
-  for (const InstrumentModel& model : session.live->instruments)
-    instruments.push_back(instrument_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
   PageJson contrast = add_surface(session.live->contrast, "contrast", parts);
   contrast["drum_points"] = ContrastSurface::kDrumPoints;
   contrast["drum_triangles"] = ContrastSurface::kDrumTriangles;
-  return {{"instruments", std::move(instruments)},
+  return {{"instruments", instruments_json(session.live->instruments)},
           {"contrast", std::move(contrast)},
           {"has_hub", session.live->has_hub},
           {"modes", session.live->modes}};
 }
 
-PageJson choices_json(const TrainerSetup& setup) {
-  PageJson choices = PageJson::array();
-  for (const InstrumentModel& model : setup.choices)
-    choices.push_back(instrument_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
-  return choices;
-}
-
 /// Of an exercise, what its simulation takes behind the tree's numbers.
 PageJson add_exercise(const SteeredExercise& exercise, std::size_t number, Parts& parts) {
-  const std::vector<double> setup = packed(exercise.setup);
-  const std::span<const double> use = std::span(setup).subspan(packed_tree_size(exercise.setup));
-  parts.add("exercise_" + std::to_string(number),
-            std::string_view(reinterpret_cast<const char*>(use.data()), use.size_bytes()));
+  parts.add("exercise_" + std::to_string(number), packed_use(exercise.setup));
   PageJson targets = PageJson::array();
   for (const ExerciseTarget& target : exercise.exercise.targets) {
     const TargetMark mark = mark_of(target, *exercise.setup.tree);
@@ -248,7 +243,7 @@ PageJson add_exercise(const SteeredExercise& exercise, std::size_t number, Parts
   }
   return {{"title", exercise.exercise.title},
           {"task", exercise.exercise.task},
-          {"choices", choices_json(exercise.setup)},
+          {"choices", instruments_json(exercise.setup.choices)},
           {"used", exercise.setup.used},
           {"targets", std::move(targets)}};
 }
@@ -256,15 +251,14 @@ PageJson add_exercise(const SteeredExercise& exercise, std::size_t number, Parts
 /// What the page's own simulation takes, and how each instrument that may be chosen is drawn.
 PageJson add_trainer(const ExportRequest& session, Parts& parts) {
   if (!session.trainer) return {};
-  static_assert(std::endian::native == std::endian::little);  // as in browsers
   const std::vector<double> setup = packed(*session.trainer);
-  parts.add("trainer", std::string_view(reinterpret_cast<const char*>(setup.data()), 8 * setup.size()));
+  parts.add("trainer", setup);
   PageJson exercises = PageJson::array();
   for (const SteeredExercise& exercise : session.exercises)
     exercises.push_back(add_exercise(exercise, exercises.size(), parts));
-  return {{"choices", choices_json(*session.trainer)},
+  return {{"choices", instruments_json(session.trainer->choices)},
           {"used", session.trainer->used},
-          {"tree_numbers", packed_tree_size(*session.trainer)},
+          {"tree_numbers", setup.size() - packed_use(*session.trainer).size()},
           {"exercises", std::move(exercises)}};
 }
 

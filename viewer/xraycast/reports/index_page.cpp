@@ -2,33 +2,21 @@
 
 #include "xraycast/base/html_text.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/reports/html_page.hpp"
 
 #include <fmt/format.h>
 
 namespace xraycast {
 namespace {
 
-constexpr const char* kHead = R"(<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="generator" content="xraycast">
-<title>{0}</title>
-<style>
-body {{ background: #1a1c21; color: #e6e6e6; font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1200px; padding: 0 1em; }}
-figure {{ display: inline-block; margin: 0 1em 1em 0; max-width: 100%; vertical-align: top; }}
-img {{ max-height: 640px; max-width: min(560px, 100%); }}
-a {{ color: #8cc8ff; }}
-iframe {{ border: 0; height: 46em; max-height: 90vh; width: 100%; }}
-td {{ overflow-wrap: anywhere; padding: .1em 1.5em .1em 0; }}
-</style>
-</head>
-<body>
-<h1>{0}</h1>
+constexpr const char* kIndexStyle =
+    R"(body { background: #1a1c21; color: #e6e6e6; font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1200px; padding: 0 1em; }
+figure { display: inline-block; margin: 0 1em 1em 0; max-width: 100%; vertical-align: top; }
+img { max-height: 640px; max-width: min(560px, 100%); }
+a { color: #8cc8ff; }
+iframe { border: 0; height: 46em; max-height: 90vh; width: 100%; }
+td { overflow-wrap: anywhere; padding: .1em 1.5em .1em 0; }
 )";
-
-constexpr const char* kFoot = "<p>Not for clinical use.</p>\n</body>\n</html>\n";
 
 /// Shows a cine, or its still where less motion is asked for.
 std::string figure(const std::string& still, const std::string& cine, const std::string& caption) {
@@ -51,17 +39,16 @@ void write_index_page(const std::string& title, const CaptionedPicture& page,
   const auto beside_page = [&](const std::filesystem::path& file) {
     return file.empty() ? std::string() : file.lexically_relative(path.parent_path()).string();
   };
-  std::string html = fmt::format(kHead, in_html(title));
-  html += fmt::format("<iframe src=\"{0}\" title=\"{1}\"></iframe>\n<p><a href=\"{0}\">{1}</a></p>\n",
-                      in_html(beside_page(page.file)), in_html(page.caption));
+  std::string html =
+      fmt::format("<iframe src=\"{0}\" title=\"{1}\"></iframe>\n<p><a href=\"{0}\">{1}</a></p>\n",
+                  in_html(beside_page(page.file)), in_html(page.caption));
   for (const CaptionedPicture& picture : pictures)
     html += figure(beside_page(picture.file), beside_page(picture.cine), picture.caption);
   html += "<table>\n";
   for (const auto& [name, value] : facts)
     html += fmt::format("<tr><td>{}</td><td>{}</td></tr>\n", in_html(name), in_html(value));
-  html += "</table>\n";
-  html += kFoot;
-  write_whole_file(path, std::move(html));
+  html += "</table>\n<p>Not for clinical use.</p>\n";
+  write_whole_file(path, html_page(title, "", kIndexStyle, html));
 }
 
 }  // namespace xraycast

@@ -8,6 +8,7 @@
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/printable.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/reports/html_page.hpp"
 #include "xraycast/reports/plot.hpp"
 
 #include <fmt/format.h>
@@ -304,50 +305,42 @@ std::string learning_curves(const std::vector<SavedRun>& runs, const std::option
   for (const Figure& figure : kOfRun)
     if (figure.name == std::string_view("time_s") || figure.name == std::string_view("fluoroscopy_s"))
       add(figure, [&](const SavedRun& run) { return in(run.figures, figure.name); });
-  for (const Figure& figure : kOfInstrument)
-    if (figure.name == std::string_view("tip_path_mm") ||
-        figure.name == std::string_view("largest_wall_force_N"))
-      add(figure, [&](const SavedRun& run) -> std::optional<double> {
-        double sum = 0;
-        for (const auto& figures : run.of_instruments) {
-          const std::optional<double> value = in(figures, figure.name);
-          if (!value) return std::nullopt;
-          sum = figure.decimals == 0 ? sum + *value : std::max(sum, *value);
-        }
-        return sum;
-      });
+  for (const Figure& figure : kOfInstrument) {
+    const bool is_path = figure.name == std::string_view("tip_path_mm");
+    if (!is_path && figure.name != std::string_view("largest_wall_force_N")) continue;
+    add(figure, [&](const SavedRun& run) -> std::optional<double> {
+      double of_all = 0;
+      for (const auto& figures : run.of_instruments) {
+        const std::optional<double> value = in(figures, figure.name);
+        if (!value) return std::nullopt;
+        of_all = is_path ? of_all + *value : std::max(of_all, *value);
+      }
+      return of_all;
+    });
+  }
   return html;
 }
 
-constexpr const char* kRunsHead = R"(<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
+constexpr const char* kRunsHead =
+    R"(<meta name="color-scheme" content="light dark">
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
-<meta name="generator" content="xraycast">
-<title>{0}</title>
-<style>
-body {{ font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1100px; padding: 0 1em; }}
-.wide {{ overflow-x: auto; }}
-table {{ border-collapse: collapse; }}
-th, td {{ border-bottom: 1px solid #8884; padding: .2em 1.2em .2em 0; text-align: left; vertical-align: top; }}
-td {{ font-variant-numeric: tabular-nums; }}
-img {{ height: auto; margin: 1em 1em 0 0; max-width: min(520px, 100%); }}
-</style>
-</head>
-<body>
-<h1>{0}</h1>
 )";
-constexpr const char* kRunsFoot = "<footer><p>Not for clinical use.</p></footer>\n</body>\n</html>\n";
+constexpr const char* kRunsStyle =
+    R"(body { font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1100px; padding: 0 1em; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; }
+th, td { border-bottom: 1px solid #8884; padding: .2em 1.2em .2em 0; text-align: left; vertical-align: top; }
+td { font-variant-numeric: tabular-nums; }
+img { height: auto; margin: 1em 1em 0 0; max-width: min(520px, 100%); }
+)";
 
 std::string page_of(const std::vector<SavedRun>& runs, const std::optional<SavedRun>& reference,
                     const std::string& title) {
   std::vector<SavedRun> all = runs;
   if (reference) all.insert(all.begin(), *reference);
-  return fmt::format(fmt::runtime(kRunsHead), in_html(title)) + table_of(all) +
-         learning_curves(runs, reference) + plots_over_time(all) + kRunsFoot;
+  return html_page(title, kRunsHead, kRunsStyle,
+                   table_of(all) + learning_curves(runs, reference) + plots_over_time(all) +
+                       "<footer><p>Not for clinical use.</p></footer>\n");
 }
 
 std::string quoted(const std::string& text) {

@@ -14,12 +14,6 @@ namespace {
 /// Of a millilitre of iodine, which the page has its own of.
 constexpr double kAnyAttenuation_per_mm = 1;
 
-std::vector<std::string> names_in(const TrainerSetup& setup) {
-  std::vector<std::string> names;
-  for (const InstrumentModel& model : setup.instruments()) names.push_back(model.name());
-  return names;
-}
-
 std::optional<ExerciseProgress> progress_of(const TrainerSetup& setup) {
   if (setup.exercise.empty()) return std::nullopt;
   return ExerciseProgress(parse_exercise(setup.exercise, "exercise", *setup.tree), *setup.tree);
@@ -33,7 +27,7 @@ Trainer::Trainer(TrainerSetup setup)
       couplings_(device_, max_insertions_mm(setup_.instruments())),
       bolus_(*setup_.tree),
       contrast_(*setup_.tree, kAnyAttenuation_per_mm),
-      monitor_(instruments_, names_in(setup_), progress_of(setup_)) {
+      monitor_(instruments_, names_of(setup_.instruments()), progress_of(setup_)) {
   message_.instruments.resize(instruments_.count());
 }
 

@@ -126,6 +126,13 @@ std::vector<InstrumentModel> TrainerSetup::instruments() const {
 std::vector<double> packed(const TrainerSetup& setup) {
   std::vector<double> numbers;
   add_tree(*setup.tree, numbers);
+  const std::vector<double> use = packed_use(setup);
+  numbers.insert(numbers.end(), use.begin(), use.end());
+  return numbers;
+}
+
+std::vector<double> packed_use(const TrainerSetup& setup) {
+  std::vector<double> numbers;
   numbers.push_back(setup.entry.branch);
   numbers.push_back(setup.entry.at_start ? 1 : 0);
   numbers.push_back(static_cast<double>(setup.choices.size()));
@@ -135,12 +142,6 @@ std::vector<double> packed(const TrainerSetup& setup) {
   numbers.push_back(static_cast<double>(setup.exercise.size()));
   for (const char byte : setup.exercise) numbers.push_back(static_cast<unsigned char>(byte));
   return numbers;
-}
-
-std::size_t packed_tree_size(const TrainerSetup& setup) {
-  std::vector<double> numbers;
-  add_tree(*setup.tree, numbers);
-  return numbers.size();
 }
 
 TrainerSetup trainer_setup_of(std::span<const double> packed) {

@@ -31,8 +31,8 @@ struct TrainerSetup {
 /// number of the bytes of the exercise, and each of them.
 std::vector<double> packed(const TrainerSetup& setup);
 
-/// How many of them are the tree's, with which they begin.
-std::size_t packed_tree_size(const TrainerSetup& setup);
+/// The same without the tree's numbers, with which they begin.
+std::vector<double> packed_use(const TrainerSetup& setup);
 
 /// Throws InputError where numbers are missing, and as VesselTree and InstrumentModel.
 TrainerSetup trainer_setup_of(std::span<const double> numbers);
