@@ -403,4 +403,19 @@ Registration Registrar::follow(std::span<const Xray> xrays, const Registration& 
   return found;
 }
 
+std::vector<Registration> Registrar::track(std::span<const std::vector<Xray>> frames, Progress& progress) {
+  std::vector<Registration> found;
+  for (const std::vector<Xray>& xrays : frames)
+    found.push_back(found.empty() ? find(xrays, progress) : follow(xrays, found.back(), progress));
+  return found;
+}
+
+std::vector<std::string> notes_of(std::span<const Registration> frames) {
+  std::vector<std::string> notes;
+  for (const Registration& frame : frames)
+    for (const std::string& note : frame.notes)
+      if (std::ranges::find(notes, note) == notes.end()) notes.push_back(note);
+  return notes;
+}
+
 }  // namespace xraycast
