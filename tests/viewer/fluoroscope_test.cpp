@@ -563,6 +563,12 @@ TEST(CArm, SaysWhatIsWrongWithAFile) {
   EXPECT_THAT(message(changed("\"bits\": 12", "\"bits\": 12.9")), HasSubstr("must be a whole number"));
   EXPECT_THAT(message(changed("\"lowest_kvp\": 40", "\"lowest_kvp\": 40.5")),
               HasSubstr("my.json: tube: \"lowest_kvp\" is 40.5; it must be a whole number"));
+  const auto with_display = [&](const char* display) {
+    return preset.substr(0, preset.rfind('}')) + ", \"display\": " + display + "}";
+  };
+  EXPECT_EQ(CArm::from_json(with_display(R"({"compression": 0.6})"), "my.json").compression, 0.6);
+  EXPECT_THAT(message(with_display(R"({"compression": 2})")),
+              HasSubstr("my.json: display: \"compression\" is 2; it must be 0 to 1"));
   const auto with_lag = [&](const char* lag) {
     std::string text = preset;
     const auto from = text.find("[{\"fraction\""), end = text.find(']', from) + 1;
