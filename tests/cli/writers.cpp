@@ -64,7 +64,8 @@ constexpr Writer kWriters[] = {
      Appearing::one_by_one},
     {"Simulate",
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/out/log.csv --plot "
-     "@/out/p.png"},
+     "@/out/p.png --report @/out/run.html"},
+    {"Report", "report @/run.json -o @/out/runs.html"},
 };
 
 }  // namespace
@@ -149,6 +150,10 @@ void CliOutput::make_inputs() const {
   write_bytes(folder_ / "motion.json",
               R"({"version": 1, "modes": [{"name": "breath", "period_s": 4,
  "phases": [{"phase": 0}, {"phase": 1, "field": "move.tfm"}]}]})");
+  const Finished reported =
+      run("simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --report "
+          "@/run.json");
+  ASSERT_EQ(reported.status, 0) << reported.err;
   const Finished xray = run("project @/ct.nrrd --size 48x48 --cone 900,1200 -o @/xray.dcm");
   ASSERT_EQ(xray.status, 0) << xray.err;
   fs::create_directory(folder_ / "out");

@@ -8,7 +8,7 @@ import { surfaces_of } from "./instrument_shape";
 import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
-import { Exercise } from "./exercise";
+import { Exercise, show_told } from "./exercise";
 import { Recording } from "./recording";
 import { Report } from "./report";
 import { save_file } from "./saved_file";
@@ -207,7 +207,8 @@ export class LiveView {
     element("valve").setAttribute("aria-pressed", String(message.is_valve_locked));
   }
 
-  private has_role({ steers, browsers }: Role): void {
+  private has_role({ steers, browsers, exercise }: Role): void {
+    if (exercise) show_told(exercise);
     this.notes.state("");
     this.steering.steers = steers;
     this.show_keys(steers);

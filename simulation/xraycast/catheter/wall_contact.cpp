@@ -245,6 +245,17 @@ void WallContact::take_answers() {
   for (std::size_t q = 0; q < asking_.size(); ++q) take_sample(asking_[q], queries_[q].point_mm);
 }
 
+WallContact::TipPlace WallContact::tip_place(const Rod& rod) const {
+  Vector3d scan_mm = rod.state().nodes_mm.back();
+  if (body_) {
+    const MovingPoint& moving = moving_.back();
+    scan_mm = unpadded(load(moving.scan_mm.data()) +
+                       times(moving.jacobian, padded(scan_mm) - load(moving.body_mm.data())));
+  }
+  const LumenDistanceField::Sample sample = field_->at(scan_mm, contacts_.back().sample.hint);
+  return {scan_mm, sample.hint.branch, sample.arc_length_mm};
+}
+
 // ---- a body that moves ----------------------------------------------------------------------------------
 
 double WallContact::scale_now(std::size_t index) const {
