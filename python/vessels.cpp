@@ -4,7 +4,7 @@
 #include "calls/job.hpp"
 #include "calls/monitoring.hpp"
 #include "calls/values.hpp"
-#include "scan.hpp"
+#include "scans/scan.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/given_vessels/given_vessels.hpp"
