@@ -143,6 +143,28 @@ TEST_F(Export, SteersByItself) {
   EXPECT_THAT(other, HasSubstr("id=\"simulation\"></script>"));
 }
 
+TEST_F(Export, TellsNoFoldersOfInstruments) {
+  write_map(small_map());
+  write_vessels();
+  std::filesystem::create_directory(folder_ / "private");
+  write_bytes(folder_ / "private/mine.json",
+              R"({"radius_mm": 0.18, "inner_radius_mm": 0, "density_g_cm3": 5.5, "axial_stiffness_N": 300,
+                  "static_friction": 0.04, "kinetic_friction": 0.03,
+                  "sections": [{"length_mm": 800, "bending_stiffness_Nmm2": 4, "torsional_stiffness_Nmm2": 3}]})");
+  write_bytes(
+      folder_ / "private/task.json",
+      R"({"title": "Up", "task": "Go.", "instruments": ["mine.json"], "targets": [{"at_mm": [0, 0, 0]}]})");
+  const std::string page = written(
+      "@/map.exr --vessels @/vessels --live --device-model @/private/mine.json --script @/push.csv "
+      "--exercise @/private/task.json -o @/live.html",
+      "live.html");
+  EXPECT_THAT(page, Not(HasSubstr("private")));
+  const Json header = header_of(page);
+  EXPECT_EQ(header["trainer"]["choices"][0]["name"], "mine");
+  EXPECT_EQ(header["trainer"]["exercises"][0]["choices"][0]["name"], "mine");
+  EXPECT_EQ(header["run"]["instruments"][0]["name"], "mine");
+}
+
 TEST_F(Export, SimulatesAWireInACatheter) {
   write_map(small_map());
   write_vessels();

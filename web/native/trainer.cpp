@@ -45,6 +45,10 @@ EMSCRIPTEN_KEEPALIVE const char* trainer_open() {
 EMSCRIPTEN_KEEPALIVE void trainer_hold(double push, double turn, bool is_slow, bool pedal, bool injects) {
   trainer->hold({push, turn, is_slow, pedal, injects});
 }
+EMSCRIPTEN_KEEPALIVE void trainer_pulse_rate(double per_s) { trainer->set_pulse_rate(per_s); }
+EMSCRIPTEN_KEEPALIVE void trainer_dose(double air_kerma_mGy, double dap_Gycm2) {
+  trainer->count_dose(air_kerma_mGy, dap_Gycm2);
+}
 EMSCRIPTEN_KEEPALIVE void trainer_next_hub() { trainer->hold_next_hub(); }
 EMSCRIPTEN_KEEPALIVE void trainer_valve() { trainer->toggle_valve(); }
 EMSCRIPTEN_KEEPALIVE const char* trainer_exchange(std::size_t instrument, std::size_t choice) {

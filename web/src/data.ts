@@ -91,12 +91,14 @@ export interface TargetMark {
 export interface ExerciseHeader extends Choices {
   title: string;
   task: string;
+  entry_mm: Vec3;
   targets: TargetMark[]; // in their order
 }
 
 /** Of a page that simulates by itself. */
 interface TrainerHeader extends Choices {
   tree_numbers: number; // with which the setup begins, also that of each exercise
+  pulses_per_s: number; // of the fluoroscope
   exercises: ExerciseHeader[];
 }
 
@@ -184,6 +186,7 @@ export interface Live extends LiveHeader {
 export interface Trainer extends TrainerHeader {
   code: ArrayBuffer; // of the simulation
   setup: Float64Array; // which that takes
+  fluoroscope: Float64Array; // the same of the fluoroscope
   exercise: ExerciseHeader | null;
 }
 
@@ -316,12 +319,12 @@ function shapes_of({ pictures, unit_mm }: RunHeader, bytes: Uint8Array): Vec3[][
 
 /** With what the simulation of an exercise, or of none, takes. */
 function trainer_of(header: TrainerHeader, part: (name: string) => Uint8Array, exercise: number, code: ArrayBuffer): Trainer {
-  const numbers = (name: string) => new Float64Array(part(name).slice().buffer), whole = numbers("trainer"), chosen = header.exercises[exercise - 1];
-  if (!chosen) return { ...header, code, setup: whole, exercise: null };
+  const numbers = (name: string) => new Float64Array(part(name).slice().buffer), whole = numbers("trainer"), chosen = header.exercises[exercise - 1], fluoroscope = numbers("fluoroscope");
+  if (!chosen) return { ...header, code, fluoroscope, setup: whole, exercise: null };
   const use = numbers(`exercise_${exercise - 1}`), setup = new Float64Array(header.tree_numbers + use.length);
   setup.set(whole.subarray(0, header.tree_numbers));
   setup.set(use, header.tree_numbers);
-  return { ...header, choices: chosen.choices, used: chosen.used, code, setup, exercise: chosen };
+  return { ...header, choices: chosen.choices, used: chosen.used, code, fluoroscope, setup, exercise: chosen };
 }
 
 /** `simulation` is its code, deflated; without, a page that would simulate plays its run. `exercise` is 1 for the first, 0 for none. */

@@ -9,6 +9,8 @@ import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
 import { Exercise } from "./exercise";
+import { ExposurePanel } from "./exposure_panel";
+import { Fluoroscopy } from "./fluoroscopy";
 import { Recording } from "./recording";
 import { Report } from "./report";
 import { save_file } from "./saved_file";
@@ -72,8 +74,10 @@ export class LiveView {
   private readonly recording: Recording;
   private readonly steering: Steering;
   private readonly exchange: Exchange | null;
+  private exposure: ExposurePanel | null = null;
   private readonly connection: SessionLink | null;
   private newest: LiveMessage | null = null;
+  private exposed_s = -Infinity; // when the pedal was down last
   private exposures = -1; // of the picture that is shown
   private has_moved = false; // the C-arm, by this page, since the server was told
   private held_hub = -1;
@@ -91,7 +95,7 @@ export class LiveView {
     this.loads = new LastLoads(names);
     this.chart = new LoadChart(names, (hub) => this.loads.of(hub));
     this.body = live.modes?.length ? new BodyControls(live.modes, (body) => this.send({ body })) : null;
-    if (this.body) addEventListener("keydown", (event) => this.press(event), { capture: true });
+    if (this.body) addEventListener("keydown", (event) => this.press(event, this.body!), { capture: true });
     this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send({ [action]: true }));
     this.exchange = trainer && trainer.choices.length > names.length ? new Exchange(trainer, (exchange) => this.send({ exchange })) : null;
     this.connection = trainer ? this.simulate(trainer, names) : location.protocol.startsWith("http") ? this.connect() : null;
@@ -113,7 +117,8 @@ export class LiveView {
       this.picture.target = target;
       this.redraw();
     });
-    return new TrainerLink(trainer, {
+    const link = new TrainerLink(trainer, {
+      compiled: (code, setup) => this.fluoroscope(code, setup, link),
       moved: (steps) => this.recording.add_steps(steps),
       reported: (told) => {
         report.told(told);
@@ -133,6 +138,32 @@ export class LiveView {
         this.notes.state(`The simulation has ended: ${why}.`);
       },
     });
+    return link;
+  }
+
+  /** The page's own, of the simulation's code. */
+  private fluoroscope(code: WebAssembly.Module, setup: Float64Array, link: TrainerLink): void {
+    const fluoroscopy = new Fluoroscopy(code, setup, {
+      shows: (_, exposed) => {
+        this.exposure!.show(exposed);
+        link.count_dose(exposed);
+        this.redraw();
+      },
+      is_ready: () => fluoroscopy.is_due && this.redraw(),
+      failed: (why) => this.notes.tell(`${why}.`),
+    });
+    this.exposure = new ExposurePanel(fluoroscopy.settings, {
+      set: (settings) => {
+        fluoroscopy.settings = settings;
+        this.redraw(); // where the blades are
+      },
+      take_new_mask: () => fluoroscopy.take_new_mask(),
+      field_mm: () => this.picture.field_mm(this.store.state),
+    });
+    this.store.on_change((state, before) => state.pose !== before.pose && this.exposure!.show_settings());
+    addEventListener("keydown", (event) => this.press(event, this.exposure!), { capture: true });
+    this.show_keys(this.steering.steers);
+    this.picture.fluoroscopy = fluoroscopy;
   }
 
   private told(bytes: ArrayBuffer): void {
@@ -158,6 +189,7 @@ export class LiveView {
 
   private show(message: LiveMessage): void {
     const is_new = message.exposures !== this.exposures;
+    this.expose(message);
     if (message.exposes) this.picture.held_pose = null;
     else if (is_new || !this.picture.held_pose) this.hold();
     if (is_new) {
@@ -175,6 +207,15 @@ export class LiveView {
     if (now_ms - this.shown_ms < kReadout_ms) return;
     this.shown_ms = now_ms;
     this.read_out(message);
+  }
+
+  /** The pulses that the message tells of. The first exposure of all is no pulse. */
+  private expose({ exposes, exposures, time_s }: LiveMessage): void {
+    const { fluoroscopy } = this.picture, kMessage_s = 0.1;
+    if (!exposes || !fluoroscopy) return;
+    if (time_s - this.exposed_s > kMessage_s) fluoroscopy.begin_run(Math.min(3600, time_s - this.exposed_s));
+    this.exposed_s = time_s;
+    if (this.exposures >= 0) fluoroscopy.expose(exposures - this.exposures);
   }
 
   /** The picture's body, where the page has the maps of a body that moves. */
@@ -225,7 +266,7 @@ export class LiveView {
   /** Under Help. */
   private show_keys(steers: boolean): void {
     const moves_hub = steers && this.live.has_hub, has_valve = moves_hub && this.live.instruments.length > 1;
-    const applies: Record<string, boolean> = { steers, body: steers && this.body !== null, hub: moves_hub, valve: has_valve, arrows: !moves_hub, inverted: !steers, vessels: !has_valve, run: false };
+    const applies: Record<string, boolean> = { steers, body: steers && this.body !== null, exposure: steers && this.exposure !== null, hub: moves_hub, valve: has_valve, arrows: !moves_hub, inverted: !steers, vessels: !has_valve, run: false };
     for (const row of document.querySelectorAll<HTMLElement>("[data-keys]")) row.hidden = !applies[row.dataset.keys!];
   }
 
@@ -242,9 +283,9 @@ export class LiveView {
     this.send();
   }
 
-  private press(event: KeyboardEvent): void {
+  private press(event: KeyboardEvent, controls: { takes(key: string): boolean }): void {
     if (!this.steering.steers || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
-    if ((event.target as HTMLElement).matches("input, select") || !this.body!.takes(event.key.toLowerCase())) return;
+    if ((event.target as HTMLElement).matches("input, select") || !controls.takes(event.key.toLowerCase())) return;
     event.preventDefault();
     event.stopImmediatePropagation();
   }

@@ -8,13 +8,13 @@ import { RunPlayer } from "./run_player";
 import { save_file } from "./saved_file";
 import { Actions, PictureControls } from "./picture_controls";
 import { LiveView } from "./live";
-import { draw_overlay } from "./overlay";
+import { Outline, draw_overlay } from "./overlay";
 import { Picture } from "./picture";
 import { Notes } from "./notes";
 import { State, Store, first_state } from "./state";
 import { Tools } from "./tools";
 import { can_simulate } from "./trainer";
-import { label_of } from "./view";
+import { View, label_of } from "./view";
 
 const kRest_ms = 150; // without a move, after which the picture is drawn fully
 const kMostPixels = 2_000_000; // of the picture; more are shown enlarged
@@ -66,6 +66,8 @@ class Page {
   private moved_ms = -Infinity;
   private has_moved = false; // since the last picture, which may be long ago on a slow device
   private pictures = 0;
+  private overlay_key = "";
+  private outlined: Outline["covered"] | undefined;
   private rest_timer = 0;
 
   constructor(private readonly data: SessionData, private readonly store: Store, private readonly picture: Picture) {
@@ -185,12 +187,22 @@ class Page {
     const body_moves = this.body_moves;
     const has_road_map = this.picture.draw(state, is_moving || body_moves, is_moving || (body_moves && this.pace.is_slow(performance.now()))), view = this.picture.view(state);
     const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
-    draw_overlay(overlay, view, outlined, scale, !state.is_bare, state.is_bare ? null : this.picture.target);
+    this.draw_overlay(view, outlined, scale);
     this.describe(state);
     document.documentElement.dataset.pictures = String(++this.pictures);
     clearTimeout(this.rest_timer);
     if (!body_moves) this.pace.rest();
     if (is_moving) this.rest_timer = setTimeout(() => this.request(), Math.max(0, kRest_ms - rest_ms) + 1);
+  }
+
+  /** Unless it is there already. */
+  private draw_overlay(view: View, outlined: Outline | null, scale: number): void {
+    const { is_bare } = this.store.state, target = is_bare ? null : this.picture.target, blades_mm = this.picture.fluoroscopy?.settings.blades_mm ?? null;
+    const key = JSON.stringify([view, scale, is_bare, target, blades_mm]);
+    if (this.overlay_key === key && this.outlined === outlined?.covered) return;
+    this.overlay_key = key;
+    this.outlined = outlined?.covered;
+    draw_overlay(overlay, view, outlined, scale, !is_bare, target, blades_mm);
   }
 
   private get body_moves(): boolean {

@@ -2,6 +2,7 @@
 import type { LinkListener, SessionLink } from "./connection";
 import type { Trainer } from "./data";
 import type { RunReport } from "./report";
+import type { Dose } from "./simulation";
 import type { FromWorker, Order, ToWorker } from "./trainer_worker";
 
 declare const kWorker: string; // its program, which build.mjs puts here
@@ -11,6 +12,7 @@ export interface TrainerListener extends LinkListener {
   exchanged(instrument: number, choice: number): void;
   refused(why: string): void;
   failed(why: string): void;
+  compiled(code: WebAssembly.Module, fluoroscope: Float64Array): void;
   reported(report: RunReport): void;
   saves(report: RunReport): void;
 }
@@ -31,13 +33,26 @@ export class TrainerLink implements SessionLink {
     this.worker = new Worker(address);
     this.worker.addEventListener("message", ({ data }: MessageEvent<FromWorker>) => this.take(data));
     this.worker.addEventListener("error", (event) => listener.failed(event.message || "its worker did not start"));
-    const { code, setup } = trainer;
-    this.post({ code, setup });
+    void this.start(trainer);
     listener.has_role({ steers: true, browsers: 1 });
   }
 
   send(message: object): void {
     this.post(message as Order);
+  }
+
+  count_dose(dose: Dose): void {
+    this.post({ dose });
+  }
+
+  private async start({ code, setup, fluoroscope, pulses_per_s }: Trainer): Promise<void> {
+    try {
+      const module = await WebAssembly.compile(code);
+      this.post({ code: module, setup, pulses_per_s });
+      this.listener.compiled(module, fluoroscope);
+    } catch (error) {
+      this.listener.failed((error as Error).message);
+    }
   }
 
   private post(message: ToWorker): void {

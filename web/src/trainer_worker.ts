@@ -1,10 +1,11 @@
 // The worker of a page that steers by itself: steps the simulation by the clock, a step a millisecond, whatever the picture does.
-import { HandHolds, Simulation } from "./simulation";
+import { Dose, HandHolds, Simulation } from "./simulation";
 
 /** The first message. */
 export interface Start {
-  code: ArrayBuffer;
+  code: WebAssembly.Module;
   setup: Float64Array;
+  pulses_per_s: number; // 0: an exposure with every message
 }
 
 /** All others: what a page tells the server of a live session, or that it has read a message. */
@@ -15,7 +16,7 @@ export interface Order extends HandHolds {
   shows_series?: boolean; // of reports from now on
   save_report?: boolean;
 }
-export type ToWorker = Start | Order | "read";
+export type ToWorker = Start | Order | { dose: Dose } | "read";
 
 /** A message of the simulation, with the steps to it; what its instruments did so far; that to be saved; what became of an exchange; or why it ended. */
 export type FromWorker = { message: ArrayBuffer; steps: Float64Array } | { report: string } | { saved: string } | { exchanged: { instrument: number; choice: number; refusal: string | null } } | { failure: string };
@@ -58,9 +59,10 @@ function guarded(): void {
   }
 }
 
-async function start({ code, setup }: Start): Promise<void> {
+async function start({ code, setup, pulses_per_s }: Start): Promise<void> {
   try {
     simulation = await Simulation.of(code, setup);
+    simulation.set_pulse_rate(pulses_per_s);
     stepped_ms = performance.now();
     guarded();
   } catch (error) {
@@ -86,5 +88,6 @@ function obey(order: Order): void {
 addEventListener("message", ({ data }: MessageEvent<ToWorker>) => {
   if (data === "read") is_read = true;
   else if ("code" in data) void start(data);
+  else if ("dose" in data) simulation?.count_dose(data.dose);
   else obey(data);
 });

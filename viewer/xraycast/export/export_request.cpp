@@ -124,6 +124,12 @@ LiveRun live_run_of(const RunRequest& run, const std::string& vessels_name) {
   return {.instruments = run.instruments, .contrast = contrast.whole()};
 }
 
+Exercise with_shown_names(Exercise exercise) {
+  for (std::vector<std::string>* names : {&exercise.instruments, &exercise.devices})
+    for (std::string& name : *names) name = shown_name(name);
+  return exercise;
+}
+
 }  // namespace
 
 ExportFormat export_format(const std::string& file) {
@@ -202,7 +208,7 @@ void make_steered(ExportRequest& request, const RunRequest& run, const std::vect
 void add_exercises(ExportRequest& request, const std::vector<Exercise>& exercises) {
   const std::shared_ptr<const VesselTree>& tree = request.trainer->tree;
   for (const Exercise& exercise : exercises) {
-    TrainerSetup setup{.tree = tree, .exercise = to_json(exercise)};
+    TrainerSetup setup{.tree = tree, .exercise = to_json(with_shown_names(exercise))};
     setup.choices = instruments_named(exercise.instruments);
     for (std::size_t d = 0; d < setup.choices.size(); ++d) setup.used.push_back(d);
     setup.entry = find_entry(*tree, exercise.entry, setup.choices.front());
@@ -230,6 +236,12 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
   request.is_of_session = true;
   request.shows_vessels = false;
   return request;
+}
+
+std::string shown_name(const std::string& instrument) {
+  std::error_code error;
+  const bool is_file = std::filesystem::is_regular_file(instrument, error);
+  return is_file ? std::filesystem::path(instrument).stem().string() : instrument;
 }
 
 std::string export_bytes(const ExportRequest& request) {

@@ -5,6 +5,7 @@
 #include "xraycast/scene/instrument_curve.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -71,9 +72,11 @@ void Trainer::follow(std::span<const HubPose> poses) {
 }
 
 void Trainer::count_step() {
-  monitor_.add(
-      instruments_,
-      {.fluoroscopy_s = message_.fluoroscopy_s, .exposures = pulses_, .contrast_ml = message_.injected_ml});
+  monitor_.add(instruments_, {.fluoroscopy_s = message_.fluoroscopy_s,
+                              .exposures = pulses_,
+                              .air_kerma_mGy = air_kerma_mGy_,
+                              .dap_Gycm2 = dap_Gycm2_,
+                              .contrast_ml = message_.injected_ml});
   poses_.push_back(instruments_.time_s());
   for (std::size_t d = 0; d < instruments_.count(); ++d)
     poses_.insert(poses_.end(), {instruments_.pose(d).insertion_mm, instruments_.pose(d).rotation_rad});
@@ -91,8 +94,21 @@ std::string Trainer::message() {
     message_.instruments[d].pose = instruments_.pose(d);
     message_.instruments[d].load = instruments_.load(d);
   }
-  if (hand_.pedal || message_.exposures == 0) expose();
+  if (is_pulse_due() || message_.exposures == 0) expose();
   return packed(message_);
+}
+
+/// By the simulation's time. Pulses that messages came too late for are not made up for.
+bool Trainer::is_pulse_due() {
+  const double now_s = instruments_.time_s();
+  if (!hand_.pedal) {
+    due_s_ = now_s;
+    return false;
+  }
+  if (pulses_per_s_ <= 0) return true;
+  if (now_s < due_s_) return false;
+  due_s_ = std::max(due_s_ + 1 / pulses_per_s_, now_s);
+  return true;
 }
 
 void Trainer::let_flow() {

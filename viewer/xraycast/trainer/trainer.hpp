@@ -9,6 +9,7 @@
 #include "xraycast/trainer/browser_message.hpp"
 #include "xraycast/trainer/trainer_setup.hpp"
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,6 +31,15 @@ class Trainer {
   explicit Trainer(TrainerSetup setup);
 
   void hold(const TrainerHand& hand) { hand_ = hand; }
+
+  /// Exposures a second while the pedal is down, the first one at once. Without, one a message.
+  void set_pulse_rate(double per_s) { pulses_per_s_ = per_s; }
+
+  /// What the page's fluoroscope has given by now, for the report.
+  void count_dose(double air_kerma_mGy, double dap_Gycm2) {
+    air_kerma_mGy_ = air_kerma_mGy;
+    dap_Gycm2_ = dap_Gycm2;
+  }
   void hold_next_hub();
   void toggle_valve();
 
@@ -42,8 +52,8 @@ class Trainer {
   /// A step towards hubs' poses that are given, as of a script; the hand goes on from there.
   void follow(std::span<const HubPose> poses);
 
-  /// The state, and an exposure of it while the pedal is down; at first without. Contrast agent flows until
-  /// then.
+  /// The state, and an exposure of it where one is due; at first without the pedal. Contrast agent flows
+  /// until then.
   std::string message();
 
   const Instruments& instruments() const { return instruments_; }
@@ -56,6 +66,7 @@ class Trainer {
  private:
   void count_step();
   void let_flow();
+  bool is_pulse_due();
   void expose();
 
   TrainerSetup setup_;
@@ -67,7 +78,9 @@ class Trainer {
   RunMonitor monitor_;
   std::vector<double> poses_;  ///< of the steps that were not taken yet
   TrainerHand hand_;
-  double told_s_ = 0;     ///< when the last message was
+  double told_s_ = 0;                    ///< when the last message was
+  double pulses_per_s_ = 0, due_s_ = 0;  ///< 0: at each message; when the next one is
+  std::optional<double> air_kerma_mGy_, dap_Gycm2_;
   long long pulses_ = 0;  ///< exposures with the pedal down
   BrowserMessage message_;
 };
