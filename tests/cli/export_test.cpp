@@ -368,7 +368,7 @@ const BadExport kBadExports[] = {
      "@/page.html",
      "--devices"},
     {"LiveGate", "@/map.exr --vessels @/vessels --live --gate heart=0.5 -o @/page.html",
-     "--gate does not apply with --live, whose body stands still; leave it out"},
+     "stands still; cast one that moves with --motion alone, or leave out what moves it"},
     {"PrecisionOfAScene", "@/map.exr --precision half -o @/page.glb", "--precision does not apply to"},
     {"ScriptWithoutTheSecondsColumns",
      "@/map.exr --vessels @/vessels --script @/push.csv --device-model microcatheter-27f "

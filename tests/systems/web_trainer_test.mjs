@@ -24,6 +24,9 @@ before(async () => {
     targets: [{ name: "in the iliac artery", vessel: "left common iliac artery", depth_mm: 20 }, { name: "higher up", vessel: "aorta", depth_mm: 20 }], limits: { time_s: 600, fluoroscopy_s: 600 },
   }));
   run(...live, "--exercise", file("task.json"), "--exercise", new URL("../../examples/exercises/1-left-renal.json", import.meta.url).pathname, "-o", file("tasks.html"));
+  run("phantom", "thorax", "--size", "64x64x80", "-o", file("rest.nrrd"), "--truth", file("rest"), "--motion", file("motion"));
+  run("cast", file("rest.nrrd"), "-o", file("moving.exr"), "--layers", 4, "--angles", 90, "--motion", file("motion/motion.json"), "--keys", "breath=2", "--keys", "heart=6");
+  run("export", file("moving.exr"), "--vessels", file("rest"), "--live", "-o", file("moving.html"));
   await start_chromium(...kMesa);
 });
 
@@ -186,6 +189,12 @@ browser_test("an exercise is chosen, followed and done", async () => {
   await reads(page, "#exercise-task", /^Push the Cobra/);
   await reads(page, "#exercise-progress", /^▸ in the iliac artery○ higher up$/);
   await screenshot(page, "exercise-first.png");
+  await page.evaluate(() => { // what is read out
+    globalThis.changes = 0;
+    new MutationObserver((changes) => (globalThis.changes += changes.length)).observe(document.querySelector("#exercise-progress"), { childList: true, subtree: true, characterData: true });
+  });
+  await wait(1600);
+  assert.equal(await page.evaluate(() => globalThis.changes), 0);
   await page.keyboard.down("x");
   await page.keyboard.down("ArrowUp");
   await reads(page, "#exercise-progress", /✓ in the iliac artery: \d+\.\d s▸ higher up/);
@@ -313,6 +322,47 @@ browser_test("blades shut the beam, and a mask is subtracted", async () => {
   const { grey } = middle_of(before, after);
   assert.ok(grey > 180 && grey < 230, `${grey}`); // 0.8 of white
   await page.keyboard.up("i");
+  await page.keyboard.up("x");
+  await close(opened);
+});
+
+/** Of the body in the picture, a phase a mode. */
+const phases = (page) => page.evaluate(() => document.documentElement.dataset.phases.split(",").map(Number));
+
+browser_test("a body that moves does so in the picture and about the instruments, and is held and gated", async (t) => {
+  const opened = await steer("moving.html", { hash: "#zoom=2&table=120" }), { page } = opened;
+  await page.waitForFunction(() => document.documentElement.dataset.motion === "loaded", { timeout: 60000 });
+  await page.keyboard.down("x");
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 380); // in the chest
+  await page.keyboard.up("ArrowUp");
+  await wait_for_pulses(page, 4);
+  await screenshot(page, "trainer-moving.png");
+  const first = await phases(page), picture = await drawn(page);
+  await wait(700);
+  const second = await phases(page);
+  assert.ok(first.every((phase, m) => phase !== second[m]), `${first} to ${second}`);
+  await page.keyboard.press("b");
+  await page.keyboard.press("k");
+  await reads(page, "#live-readout", /breath held, heart arrested$/);
+  await wait_for_pulses(page, 3);
+  const held = await phases(page), still = await drawn(page);
+  await wait_for_pulses(page, 5);
+  assert.deepEqual(await phases(page), held);
+  const moved = middle_of(picture, still).noise, at_rest = middle_of(still, await drawn(page)).noise;
+  t.diagnostic(`pictures differ by ${moved.toFixed(2)} while the body moves, ${at_rest.toFixed(2)} while it is held`);
+  assert.ok(moved > 1.2 * at_rest, `${moved} and ${at_rest}`);
+  assert.match(await page.$eval("#live-traces", (canvas) => canvas.getAttribute("aria-label")), /^breath, held; ECG, held; \d+ exposures/);
+  await page.keyboard.press("k");
+  await page.keyboard.press("g");
+  await reads(page, "#live-readout", /gated: heart at 75 %$/);
+  await wait(300);
+  const before = await exposures(page);
+  await wait(3000);
+  const gated = (await exposures(page)) - before;
+  assert.ok(gated >= 2 && gated <= 5, `${gated}`); // a beat of 0.86 s
+  assert.ok(Math.abs((await phases(page))[1] - 0.75) < 0.03);
+  await page.keyboard.press("g");
   await page.keyboard.up("x");
   await close(opened);
 });

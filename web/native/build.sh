@@ -8,7 +8,7 @@ folder=${2:-$root/build/wasm}
 sources="
   host/xraycast/base/json_text host/xraycast/base/plain_text host/xraycast/base/pluralize host/xraycast/base/printable
   host/xraycast/geometry/branch_names host/xraycast/geometry/nurbs_curve host/xraycast/geometry/segment_index host/xraycast/geometry/tube host/xraycast/geometry/vessel_tree
-  host/xraycast/motion/motion host/xraycast/motion/motion_mode
+  host/xraycast/motion/body_clock host/xraycast/motion/displacement host/xraycast/motion/motion host/xraycast/motion/motion_mode
   host/xraycast/projection/view
   simulation/xraycast/mechanics/block_band_matrix simulation/xraycast/mechanics/instrument_model simulation/xraycast/mechanics/rod
   simulation/xraycast/mechanics/rod_derivatives simulation/xraycast/mechanics/rod_system
@@ -34,7 +34,8 @@ sources="
   viewer/xraycast/fluoroscope/xray_generator
   viewer/xraycast/acquisition/acquisition viewer/xraycast/acquisition/console viewer/xraycast/acquisition/phase_masks
   viewer/xraycast/scene/contrast_surface viewer/xraycast/scene/instrument_curve
-  viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/fluoroscope_setup viewer/xraycast/trainer/trainer
+  viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/fluoroscope_setup viewer/xraycast/trainer/page_motion
+  viewer/xraycast/trainer/trainer viewer/xraycast/trainer/trainer_body
   viewer/xraycast/trainer/trainer_setup
   web/native/fluoroscope web/native/parallel web/native/trainer web/native/tube_beam"
 mkdir -p "$folder/include"

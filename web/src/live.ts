@@ -1,8 +1,8 @@
 // A live session: the picture follows the server, and the controls on the page steer.
 import { BodyChange, BodyControls } from "./live_body";
 import { Connection, Role, SessionLink } from "./connection";
-import { filled } from "./contrast";
-import type { Live, Trainer } from "./data";
+import { MovingDrums, filled } from "./contrast";
+import type { Live, Motion, Trainer } from "./data";
 import { Exchange, ExchangeOrder } from "./exchange";
 import { surfaces_of } from "./instrument_shape";
 import { fixed } from "./fixed";
@@ -18,7 +18,7 @@ import type { Picture } from "./picture";
 import type { Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
 import { Loads, LoadChart } from "./load_chart";
-import { TrainerLink } from "./trainer";
+import { TrainerLink, TrainerWorker } from "./trainer";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -75,6 +75,7 @@ export class LiveView {
   private readonly steering: Steering;
   private readonly exchange: Exchange | null;
   private exposure: ExposurePanel | null = null;
+  private readonly drums: MovingDrums | null; // of a body in motion whose server does not tell how they move
   private readonly connection: SessionLink | null;
   private newest: LiveMessage | null = null;
   private exposed_s = -Infinity; // when the pedal was down last
@@ -85,7 +86,7 @@ export class LiveView {
   private is_due = false;
   private is_new_here = false; // whoever steers, and is told how
 
-  constructor(private readonly live: Live, private readonly trainer: Trainer | null, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
+  constructor(private readonly live: Live, private readonly trainer: Trainer | null, worker: TrainerWorker | null, motion: Motion | null, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
     private readonly stage: HTMLElement, private readonly redraw: () => void) {
     const names = live.instruments.map(({ name }) => name);
     for (const id of ["live", "live-keys", "save-run"]) element(id).hidden = false;
@@ -94,11 +95,12 @@ export class LiveView {
     this.recording = new Recording(names.length);
     this.loads = new LastLoads(names);
     this.chart = new LoadChart(names, (hub) => this.loads.of(hub));
+    this.drums = trainer && motion?.lattice ? new MovingDrums(live.contrast, motion.lattice) : null;
     this.body = live.modes?.length ? new BodyControls(live.modes, (body) => this.send({ body })) : null;
     if (this.body) addEventListener("keydown", (event) => this.press(event, this.body!), { capture: true });
     this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send({ [action]: true }));
     this.exchange = trainer && trainer.choices.length > names.length ? new Exchange(trainer, (exchange) => this.send({ exchange })) : null;
-    this.connection = trainer ? this.simulate(trainer, names) : location.protocol.startsWith("http") ? this.connect() : null;
+    this.connection = trainer && worker ? this.simulate(trainer, worker, names) : location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
     store.on_change((state, before) => state.pose !== before.pose && this.steering.steers && this.tell_c_arm());
     setInterval(() => this.steering.steers && this.send(), kAlive_ms);
@@ -111,13 +113,13 @@ export class LiveView {
     });
   }
 
-  private simulate(trainer: Trainer, names: string[]): SessionLink {
+  private simulate(trainer: Trainer, worker: TrainerWorker, names: string[]): SessionLink {
     const report = new Report((shows_series) => this.send({ shows_series }), () => this.send({ save_report: true }));
     const exercise = trainer.exercises.length === 0 ? null : new Exercise(trainer, (target) => {
       this.picture.target = target;
       this.redraw();
     });
-    const link = new TrainerLink(trainer, {
+    const link = new TrainerLink(trainer, worker, {
       compiled: (code, setup) => this.fluoroscope(code, setup, link),
       moved: (steps) => this.recording.add_steps(steps),
       reported: (told) => {
@@ -195,7 +197,8 @@ export class LiveView {
     if (is_new) {
       this.exposures = message.exposures;
       const instruments = this.live.instruments.flatMap((instrument, d) => surfaces_of(instrument, message.instruments[d]?.parts_mm ?? []));
-      const contrast = filled(this.live.contrast, message.filled);
+      const phases = message.body?.modes.map(({ phase }) => phase);
+      const contrast = filled(this.live.contrast, this.drums && phases ? this.drums.moved(message.filled, phases) : message.filled);
       this.picture.live = contrast ? [...instruments, contrast] : instruments;
       this.move_body(message);
       this.redraw();

@@ -1,4 +1,5 @@
 // The simulation, compiled to WebAssembly from the program's sources (web/native/trainer.cpp).
+import type { BodyChange } from "./live_body";
 import { instance_of } from "./wasm_instance";
 
 interface Exports {
@@ -8,6 +9,9 @@ interface Exports {
   trainer_hold(push: number, turn: number, is_slow: boolean, pedal: boolean, injects: boolean): void;
   trainer_pulse_rate(per_s: number): void;
   trainer_dose(air_kerma_mGy: number, dap_Gycm2: number): void;
+  trainer_hold_mode(mode: number, holds: boolean, phase: number): number;
+  trainer_speed(factor: number): number;
+  trainer_gate(mode: number, phase: number): number;
   trainer_next_hub(): void;
   trainer_valve(): void;
   trainer_exchange(instrument: number, choice: number): number;
@@ -70,6 +74,16 @@ export class Simulation {
   /** Why it was refused, or null. */
   exchange(instrument: number, choice: number): string | null {
     return this.text_at(this.calls.trainer_exchange(instrument, choice));
+  }
+
+  /** Of a body in motion, whose modes have these names. Why it was refused, or null. */
+  change_body({ hold, speed, gate }: BodyChange, modes: readonly string[]): string | null {
+    const { calls } = this, refusals: (string | null)[] = [];
+    for (const [name, held] of Object.entries(hold ?? {}))
+      refusals.push(this.text_at(calls.trainer_hold_mode(modes.indexOf(name), held !== false, typeof held === "number" ? held : -1)));
+    if (speed !== undefined) refusals.push(this.text_at(calls.trainer_speed(speed)));
+    if (gate !== undefined) refusals.push(this.text_at(calls.trainer_gate(gate ? modes.indexOf(gate.mode) : -1, gate?.phase ?? 0)));
+    return refusals.find((refusal) => refusal !== null) ?? null;
   }
 
   /** So many milliseconds as the hand moves. */

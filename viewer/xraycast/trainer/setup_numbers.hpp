@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <cmath>
 #include <span>
 
 namespace xraycast {
@@ -25,6 +26,13 @@ class SetupNumbers {
     if (!(number >= 0 && number <= static_cast<double>(left_.size())))
       throw InputError("{}: its data end early", name_);
     return static_cast<std::size_t>(number);
+  }
+
+  /// Within that of 0.
+  int whole(int most) {
+    const double number = real();
+    if (!(std::abs(number) <= most)) throw InputError("{}: {} is out of range", name_, number);
+    return static_cast<int>(number);
   }
 
   /// From -1 on.

@@ -7,6 +7,7 @@
 #include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/run_monitor.hpp"
 #include "xraycast/trainer/browser_message.hpp"
+#include "xraycast/trainer/trainer_body.hpp"
 #include "xraycast/trainer/trainer_setup.hpp"
 
 #include <optional>
@@ -23,8 +24,9 @@ struct TrainerHand {
 };
 
 /// Instruments steered by hand in one thread, which its owner steps: a page without a server has it in a
-/// worker, as WebAssembly. What it tells is what a server of a live session tells (docs/web.md), of a body
-/// that is still. It has no clock but its steps, of a millisecond each.
+/// worker, as WebAssembly. What it tells is what a server of a live session tells (docs/web.md), but how
+/// drums of contrast agent move, which the page knows by itself. It has no clock but its steps, of a
+/// millisecond each.
 class Trainer {
  public:
   /// Throws InputError where the instruments do not fit.
@@ -46,6 +48,9 @@ class Trainer {
   /// Takes one of the choices instead of an instrument, as Instruments::exchange.
   void exchange(std::size_t instrument, std::size_t choice);
 
+  /// Of a body in motion; none where it is still.
+  TrainerBody* body() { return body_ ? &*body_ : nullptr; }
+
   /// So many steps as the hand moves.
   void advance(int steps);
 
@@ -64,12 +69,15 @@ class Trainer {
   std::vector<double> take_steps();
 
  private:
+  void step(std::span<const HubPose> poses);
   void count_step();
   void let_flow();
   bool is_pulse_due();
+  bool is_gate_open();
   void expose();
 
   TrainerSetup setup_;
+  std::optional<TrainerBody> body_;
   Instruments instruments_;
   ManualDevice device_{"hand"};
   HubCouplings couplings_;
@@ -81,7 +89,8 @@ class Trainer {
   double told_s_ = 0;                    ///< when the last message was
   double pulses_per_s_ = 0, due_s_ = 0;  ///< 0: at each message; when the next one is
   std::optional<double> air_kerma_mGy_, dap_Gycm2_;
-  long long pulses_ = 0;  ///< exposures with the pedal down
+  long long pulses_ = 0;                ///< exposures with the pedal down
+  std::vector<double> exposed_phases_;  ///< of the next exposure
   BrowserMessage message_;
 };
 

@@ -98,6 +98,7 @@ std::vector<InstrumentModel> TrainerSetup::instruments() const {
 std::vector<double> packed(const TrainerSetup& setup) {
   std::vector<double> numbers;
   add_tree(*setup.tree, numbers);
+  add_motion(setup.motion, numbers);
   const std::vector<double> use = packed_use(setup);
   numbers.insert(numbers.end(), use.begin(), use.end());
   return numbers;
@@ -120,6 +121,7 @@ TrainerSetup trainer_setup_of(std::span<const double> packed) {
   SetupNumbers numbers(kName, packed);
   TrainerSetup setup;
   setup.tree = tree_of(numbers);
+  setup.motion = page_motion_of(numbers);
   setup.entry = entry_of(*setup.tree, numbers);
   const std::size_t choices = numbers.count();
   for (std::size_t c = 0; c < choices; ++c)
