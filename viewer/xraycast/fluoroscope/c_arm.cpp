@@ -45,7 +45,7 @@ class CArmFields {
   /// Throws for a key that is none of these: a misspelt one would silently do nothing.
   void check_keys(std::initializer_list<std::string_view> known) const {
     for (const auto& [key, value] : json_.items())
-      if (std::ranges::find(known, key) == known.end())
+      if (std::find(known.begin(), known.end(), key) == known.end())
         throw InputError("{}: \"{}\" is no key of it; the keys are {}", where_, excerpt(key),
                          fmt::join(known, ", "));
   }

@@ -244,7 +244,7 @@ void Fluoroscope::State::begin_run(double pause_s) {
 
 std::vector<float> measured_depths(const FluoroscopyFrame& frame) {
   std::vector<float> depths(frame.logarithm.size());
-  std::ranges::transform(frame.logarithm, depths.begin(), std::negate{});
+  std::transform(frame.logarithm.begin(), frame.logarithm.end(), depths.begin(), std::negate{});
   return depths;
 }
 
@@ -272,8 +272,8 @@ double Fluoroscope::kerma_rate_mGy_min() const { return state_->generator.kerma_
 std::span<const float> Fluoroscope::field() const { return state_->chain->seen.field; }
 void Fluoroscope::clear_behind_blades(std::span<float> difference) const {
   constexpr float kOpen = 0.5f;
-  std::ranges::transform(difference, field(), difference.begin(),
-                         [](float value, float open) { return open < kOpen ? 0 : value; });
+  std::transform(difference.begin(), difference.end(), field().begin(), difference.begin(),
+                 [](float value, float open) { return open < kOpen ? 0 : value; });
 }
 double Fluoroscope::target_kev() const { return state_->generator.target_kev(); }
 double Fluoroscope::open_quanta() const { return state_->generator.open_quanta(); }

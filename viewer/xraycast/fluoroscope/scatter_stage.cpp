@@ -13,7 +13,9 @@ constexpr int kGatheredEvery = 4;  // rows, which will do for what scatter blurs
 /// The optical depth at which the table, which falls, has a share; between steps on a line.
 double tau_of(float share, const QuantaTable& table) {
   const auto& steps = table.steps;
-  const auto after = std::ranges::lower_bound(steps, share, std::greater{}, &QuantaTable::Step::share);
+  const auto after =
+      std::lower_bound(steps.begin(), steps.end(), share,
+                       [](const QuantaTable::Step& step, float least) { return step.share > least; });
   if (after == steps.begin()) return 0;
   const auto step = static_cast<double>(after - steps.begin());
   if (after == steps.end()) return (step - 1) / table.steps_per_tau;
