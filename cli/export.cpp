@@ -39,16 +39,13 @@ void check_applies(const ExportArguments& options, ExportFormat format) {
         *options.command, {"--live", "--devices", "--exercise"},
         fmt::format("to {}, which steers nothing; leave it out or write a .html", options.output));
   }
-  if (options.is_live)
-    check_not_given(*options.command, {"--gate", "--motion-speed", "--keys"},
-                    "with --live, whose body stands still; leave it out");
-  else
+  if (!options.is_live)
     check_not_given(*options.command, {"--devices", "--exercise"},
                     "without --live; leave it out or give --live too");
   if (options.run.script.empty() && !options.is_live)
     check_not_given(*options.command, {"--device-model", "--entry"},
                     "without a run; leave it out or give --script or --live too");
-  else
+  else if (!options.is_live)
     check_not_given(*options.command, {"--gate"}, "to a run, whose time is the body's; leave it out");
 }
 

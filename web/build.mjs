@@ -12,7 +12,8 @@ const bundle = async (entry, loader, define = {}) => {
   return outputFiles[0].text.trim();
 };
 const worker = await bundle("src/trainer_worker.ts", {});
-const program = await bundle("src/main.ts", { ".glsl": "text", ".frag": "text", ".vert": "text" }, { kWorker: JSON.stringify(worker) });
+const fluoroscope = await bundle("src/fluoroscope_worker.ts", {});
+const program = await bundle("src/main.ts", { ".glsl": "text", ".frag": "text", ".vert": "text" }, { kWorker: JSON.stringify(worker), kFluoroscopeWorker: JSON.stringify(fluoroscope) });
 const style = await bundle("src/page.css", {});
 if (/<\/script|<!--|@xraycast-/i.test(program)) throw new Error("the program holds what ends a script element");
 const template = await readFile(`${here}src/page.html`, "utf8");

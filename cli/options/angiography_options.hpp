@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/acquisition/phase_masks.hpp"
+#include "xraycast/acquisition/mask_phase.hpp"
 #include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/simulation/injection.hpp"
 

@@ -143,6 +143,28 @@ TEST_F(Export, SteersByItself) {
   EXPECT_THAT(other, HasSubstr("id=\"simulation\"></script>"));
 }
 
+TEST_F(Export, TellsNoFoldersOfInstruments) {
+  write_map(small_map());
+  write_vessels();
+  std::filesystem::create_directory(folder_ / "private");
+  write_bytes(folder_ / "private/mine.json",
+              R"({"radius_mm": 0.18, "inner_radius_mm": 0, "density_g_cm3": 5.5, "axial_stiffness_N": 300,
+                  "static_friction": 0.04, "kinetic_friction": 0.03,
+                  "sections": [{"length_mm": 800, "bending_stiffness_Nmm2": 4, "torsional_stiffness_Nmm2": 3}]})");
+  write_bytes(
+      folder_ / "private/task.json",
+      R"({"title": "Up", "task": "Go.", "instruments": ["mine.json"], "targets": [{"at_mm": [0, 0, 0]}]})");
+  const std::string page = written(
+      "@/map.exr --vessels @/vessels --live --device-model @/private/mine.json --script @/push.csv "
+      "--exercise @/private/task.json -o @/live.html",
+      "live.html");
+  EXPECT_THAT(page, Not(HasSubstr("private")));
+  const Json header = header_of(page);
+  EXPECT_EQ(header["trainer"]["choices"][0]["name"], "mine");
+  EXPECT_EQ(header["trainer"]["exercises"][0]["choices"][0]["name"], "mine");
+  EXPECT_EQ(header["run"]["instruments"][0]["name"], "mine");
+}
+
 TEST_F(Export, SimulatesAWireInACatheter) {
   write_map(small_map());
   write_vessels();
@@ -346,7 +368,7 @@ const BadExport kBadExports[] = {
      "@/page.html",
      "--devices"},
     {"LiveGate", "@/map.exr --vessels @/vessels --live --gate heart=0.5 -o @/page.html",
-     "--gate does not apply with --live, whose body stands still; leave it out"},
+     "stands still; cast one that moves with --motion alone, or leave out what moves it"},
     {"PrecisionOfAScene", "@/map.exr --precision half -o @/page.glb", "--precision does not apply to"},
     {"ScriptWithoutTheSecondsColumns",
      "@/map.exr --vessels @/vessels --script @/push.csv --device-model microcatheter-27f "

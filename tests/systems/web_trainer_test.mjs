@@ -24,6 +24,9 @@ before(async () => {
     targets: [{ name: "in the iliac artery", vessel: "left common iliac artery", depth_mm: 20 }, { name: "higher up", vessel: "aorta", depth_mm: 20 }], limits: { time_s: 600, fluoroscopy_s: 600 },
   }));
   run(...live, "--exercise", file("task.json"), "--exercise", new URL("../../examples/exercises/1-left-renal.json", import.meta.url).pathname, "-o", file("tasks.html"));
+  run("phantom", "thorax", "--size", "64x64x80", "-o", file("rest.nrrd"), "--truth", file("rest"), "--motion", file("motion"));
+  run("cast", file("rest.nrrd"), "-o", file("moving.exr"), "--layers", 4, "--angles", 90, "--motion", file("motion/motion.json"), "--keys", "breath=2", "--keys", "heart=6");
+  run("export", file("moving.exr"), "--vessels", file("rest"), "--live", "-o", file("moving.html"));
   await start_chromium(...kMesa);
 });
 
@@ -186,6 +189,12 @@ browser_test("an exercise is chosen, followed and done", async () => {
   await reads(page, "#exercise-task", /^Push the Cobra/);
   await reads(page, "#exercise-progress", /^▸ in the iliac artery○ higher up$/);
   await screenshot(page, "exercise-first.png");
+  await page.evaluate(() => { // what is read out
+    globalThis.changes = 0;
+    new MutationObserver((changes) => (globalThis.changes += changes.length)).observe(document.querySelector("#exercise-progress"), { childList: true, subtree: true, characterData: true });
+  });
+  await wait(1600);
+  assert.equal(await page.evaluate(() => globalThis.changes), 0);
   await page.keyboard.down("x");
   await page.keyboard.down("ArrowUp");
   await reads(page, "#exercise-progress", /✓ in the iliac artery: \d+\.\d s▸ higher up/);
@@ -210,6 +219,151 @@ browser_test("an exercise fits a telephone", async () => {
   assert.ok(await page.$eval("#inject", (button) => button.getBoundingClientRect().bottom < innerHeight)); // all that steers is seen at once
   await reads(page, "#exercise-progress", /▸ left renal artery/);
   await screenshot(page, "exercise-phone.png");
+  await close(opened);
+});
+
+const pulses = (page) => page.evaluate(() => Number(document.documentElement.dataset.pulses ?? 0));
+const wait_for_pulses = async (page, count) => {
+  const from = await pulses(page);
+  await page.waitForFunction((wanted) => Number(document.documentElement.dataset.pulses ?? 0) >= wanted, { timeout: 30000 }, from + count);
+};
+/** Of two pictures' middle, in the body: mean grey, and their difference, which noise makes. */
+function middle_of({ width, height, data }, other) {
+  let sum = 0, apart = 0, count = 0;
+  for (let y = Math.floor(0.4 * height); y < 0.6 * height; ++y)
+    for (let x = Math.floor(0.45 * width); x < 0.55 * width; ++x, ++count) {
+      const at = 4 * (width * y + x);
+      sum += data[at];
+      apart += Math.abs(data[at] - other.data[at]);
+    }
+  return { grey: sum / count, noise: apart / count };
+}
+async function noise_of(page) {
+  await wait_for_pulses(page, 8);
+  const one = await drawn(page);
+  await wait_for_pulses(page, 8);
+  return middle_of(one, await drawn(page));
+}
+const numbers_of = (text, pattern) => Number(text.match(pattern)?.[1] ?? NaN);
+
+browser_test("the pedal shows what the detector sees, and counts its dose", async (t) => {
+  const opened = await steer("tasks.html", { width: 900, height: 760, first: keep_files, hash: "#exercise=1&zoom=4" }), { page } = opened;
+  const readout = () => page.$eval("#dose-readout", (p) => p.textContent);
+  await page.keyboard.press("d");
+  await page.keyboard.press("d"); // low
+  await page.keyboard.down("x");
+  const low = await noise_of(page), words = await readout();
+  await screenshot(page, "fluoroscope-low.png");
+  assert.match(words, /^\d+ kVp, [\d.]+ mAs  ·  [\d.]+ mGy\/min  ·  air kerma [\d.]+ mGy  ·  dose-area product [\d.]+ Gy cm²$/);
+  await page.keyboard.press("d");
+  await page.keyboard.press("d"); // cine
+  const cine = await noise_of(page), later = await readout();
+  await screenshot(page, "fluoroscope-cine.png");
+  t.diagnostic(`pictures differ by ${low.noise.toFixed(2)} at the low dose and ${cine.noise.toFixed(2)} at cine; grey ${low.grey.toFixed(0)} and ${cine.grey.toFixed(0)}`);
+  assert.ok(cine.noise > 0.3 && low.noise > 1.3 * cine.noise, `${low.noise} and ${cine.noise}`); // a tenth of the quanta, and a filter that leaves half of the noise
+  assert.ok(Math.abs(low.grey - cine.grey) < 25); // the window follows the measuring field
+  assert.match(later, /\d+ images recorded$/);
+  assert.ok(numbers_of(later, /([\d.]+) mGy\/min/) > 4 * numbers_of(words, /([\d.]+) mGy\/min/));
+  await page.keyboard.up("x");
+  await wait(500);
+  const held = await drawn(page), count = await pulses(page);
+  await wait(500);
+  assert.equal(changed(held, await drawn(page)), 0);
+  assert.equal(await pulses(page), count);
+  await wait(600);
+  await page.click("#report summary");
+  await page.click("#save-report");
+  await page.waitForFunction(() => globalThis.saved.length === 1);
+  const report = JSON.parse(await page.evaluate(() => globalThis.saved[0].text()));
+  assert.ok(Math.abs(report.air_kerma_mGy / numbers_of(await readout(), /air kerma ([\d.]+)/) - 1) < 0.01, `${report.air_kerma_mGy}`); // three digits
+  assert.ok(report.dap_Gycm2 > 0);
+  await close(opened);
+});
+
+browser_test("blades shut the beam, and a mask is subtracted", async () => {
+  const opened = await steer("one.html", { width: 900, height: 760, hash: "#zoom=2.5&table=-200" }), { page } = opened;
+  const readout = () => page.$eval("#dose-readout", (p) => p.textContent);
+  const both = async () => {
+    const text = await readout();
+    return [/air kerma ([\d.]+)/, /product ([\d.]+)/].map((pattern) => numbers_of(text, pattern));
+  };
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 180); // from where the agent flows through the picture
+  await page.keyboard.up("ArrowUp");
+  await page.keyboard.down("x");
+  await wait_for_pulses(page, 20);
+  const open = await both();
+  for (let k = 0; k < 6; ++k) await page.keyboard.press("[");
+  for (let k = 0; k < 6; ++k) await page.keyboard.press("{");
+  await wait_for_pulses(page, 5);
+  const from = await both();
+  await wait_for_pulses(page, 40);
+  const to = await both(), shut = await drawn(page);
+  await screenshot(page, "fluoroscope-blades.png");
+  assert.match(await readout(), /blades \d+ × \d+ mm$/);
+  const share = (to[1] - from[1]) / (to[0] - from[0]) / (open[1] / open[0]);
+  assert.ok(Math.abs(share - 0.9 ** 12) < 0.08, `${share}`); // of the area; doses have three digits
+  const at = (x, y) => shut.data[4 * (shut.width * Math.floor(y * shut.height) + Math.floor(x * shut.width))];
+  assert.ok(at(0.22, 0.5) < 12 && at(0.5, 0.03) < 12, `${at(0.22, 0.5)} and ${at(0.5, 0.03)}`);
+  for (let k = 0; k < 8; ++k) await page.keyboard.press("]");
+  for (let k = 0; k < 8; ++k) await page.keyboard.press("}");
+  await page.keyboard.press("m"); // without the outline
+  await page.keyboard.press("s");
+  await reads(page, "#dose-readout", /subtraction$/); // the mask is there
+  await wait_for_pulses(page, 2);
+  const before = await drawn(page);
+  await page.keyboard.down("i");
+  await wait_for_pulses(page, 25);
+  await screenshot(page, "fluoroscope-subtraction.png");
+  const after = await drawn(page);
+  let darker = 0;
+  for (let i = 0; i < before.data.length; i += 4) darker += Number(before.data[i] > 150 && before.data[i] - after.data[i] > 60);
+  assert.ok(darker > 100, `${darker}`); // contrast agent alone
+  const { grey } = middle_of(before, after);
+  assert.ok(grey > 180 && grey < 230, `${grey}`); // 0.8 of white
+  await page.keyboard.up("i");
+  await page.keyboard.up("x");
+  await close(opened);
+});
+
+/** Of the body in the picture, a phase a mode. */
+const phases = (page) => page.evaluate(() => document.documentElement.dataset.phases.split(",").map(Number));
+
+browser_test("a body that moves does so in the picture and about the instruments, and is held and gated", async (t) => {
+  const opened = await steer("moving.html", { hash: "#zoom=2&table=120" }), { page } = opened;
+  await page.waitForFunction(() => document.documentElement.dataset.motion === "loaded", { timeout: 60000 });
+  await page.keyboard.down("x");
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 380); // in the chest
+  await page.keyboard.up("ArrowUp");
+  await wait_for_pulses(page, 4);
+  await screenshot(page, "trainer-moving.png");
+  const first = await phases(page), picture = await drawn(page);
+  await wait(700);
+  const second = await phases(page);
+  assert.ok(first.every((phase, m) => phase !== second[m]), `${first} to ${second}`);
+  await page.keyboard.press("b");
+  await page.keyboard.press("k");
+  await reads(page, "#live-readout", /breath held, heart arrested$/);
+  await wait_for_pulses(page, 3);
+  const held = await phases(page), still = await drawn(page);
+  await wait_for_pulses(page, 5);
+  assert.deepEqual(await phases(page), held);
+  const moved = middle_of(picture, still).noise, at_rest = middle_of(still, await drawn(page)).noise;
+  t.diagnostic(`pictures differ by ${moved.toFixed(2)} while the body moves, ${at_rest.toFixed(2)} while it is held`);
+  assert.ok(moved > 1.2 * at_rest, `${moved} and ${at_rest}`);
+  assert.match(await page.$eval("#live-traces", (canvas) => canvas.getAttribute("aria-label")), /^breath, held; ECG, held; \d+ exposures/);
+  await page.keyboard.press("k");
+  await page.keyboard.press("g");
+  await reads(page, "#live-readout", /gated: heart at 75 %$/);
+  await wait(300);
+  const before = await exposures(page);
+  await wait(3000);
+  const gated = (await exposures(page)) - before;
+  assert.ok(gated >= 2 && gated <= 5, `${gated}`); // a beat of 0.86 s
+  assert.ok(Math.abs((await phases(page))[1] - 0.75) < 0.03);
+  await page.keyboard.press("g");
+  await page.keyboard.up("x");
   await close(opened);
 });
 
@@ -238,7 +392,8 @@ browser_test("a run that is saved is one that simulate repeats", async (t) => {
 
 browser_test("fingers steer on a telephone, and an instrument is exchanged once it is drawn back", async () => {
   const opened = await steer("one.html", { width: 390, height: 844, touch: true }), { page } = opened;
-  assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 390);
+  assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390); // less a scroll bar
+  assert.ok(await page.$eval("#inject", (button) => button.getBoundingClientRect().bottom < innerHeight));
   await reads(page, "#note", /^Tap Fluoroscopy to see, and hold Push to advance\.$/);
   await page.tap("#pedal");
   await page.waitForFunction(() => document.querySelector("#note").hidden);

@@ -1,3 +1,4 @@
+#include "xraycast/acquisition/mask_phase.hpp"
 #include "xraycast/acquisition/phase_masks.hpp"
 
 #include "xraycast/acquisition/acquisition.hpp"

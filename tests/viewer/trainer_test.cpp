@@ -102,6 +102,28 @@ TEST(Trainer, ExposesWhileThePedalIsDown) {
   EXPECT_EQ(trainer.message().size(), message.size());  // the agent of the exposure
 }
 
+TEST(Trainer, ExposesAtThePulseRateAndReportsTheDose) {
+  Trainer trainer(setup_with({"cobra-5f"}, {0}));
+  trainer.set_pulse_rate(15);
+  trainer.message();
+  trainer.hold({.push = 1, .pedal = true});
+  const auto go = [&](int messages, int ms) {
+    const unsigned before = head_of(trainer.message()).exposures;
+    for (int k = 0; k < messages; ++k) {
+      trainer.advance(ms);
+      trainer.message();
+    }
+    return head_of(trainer.message()).exposures - before;
+  };
+  EXPECT_NEAR(go(60, 34), 30.6, 1);  // two seconds of messages that come at another rate
+  EXPECT_EQ(go(10, 100), 10u);       // no more than there are messages
+  trainer.count_dose(1.5, 0.25);
+  trainer.advance(1);
+  const RunUse& use = trainer.monitor().report().figures().use;
+  EXPECT_EQ(use.air_kerma_mGy, 1.5);
+  EXPECT_EQ(use.dap_Gycm2, 0.25);
+}
+
 TEST(Trainer, HoldsOneOfSeveralHubsAndLocksThem) {
   Trainer trainer(setup_with({"cobra-5f", "guidewire-035-j"}, {0, 1}));
   trainer.hold_next_hub();

@@ -8,7 +8,8 @@ folder=${2:-$root/build/wasm}
 sources="
   host/xraycast/base/json_text host/xraycast/base/plain_text host/xraycast/base/pluralize host/xraycast/base/printable
   host/xraycast/geometry/branch_names host/xraycast/geometry/nurbs_curve host/xraycast/geometry/segment_index host/xraycast/geometry/tube host/xraycast/geometry/vessel_tree
-  host/xraycast/motion/motion host/xraycast/motion/motion_mode
+  host/xraycast/motion/body_clock host/xraycast/motion/displacement host/xraycast/motion/motion host/xraycast/motion/motion_mode
+  host/xraycast/projection/view
   simulation/xraycast/mechanics/block_band_matrix simulation/xraycast/mechanics/instrument_model simulation/xraycast/mechanics/rod
   simulation/xraycast/mechanics/rod_derivatives simulation/xraycast/mechanics/rod_system
   simulation/xraycast/catheter/hub simulation/xraycast/catheter/lumen_distance_field simulation/xraycast/catheter/moving_body
@@ -20,13 +21,29 @@ sources="
   simulation/xraycast/simulation/exercise simulation/xraycast/simulation/exercise_progress
   simulation/xraycast/simulation/run_monitor simulation/xraycast/simulation/run_report
   simulation/xraycast/haptics/hub_couplings simulation/xraycast/haptics/virtual_coupling
+  viewer/xraycast/fluoroscope/absorption_stage viewer/xraycast/fluoroscope/beam viewer/xraycast/fluoroscope/blur
+  viewer/xraycast/fluoroscope/blur_stage viewer/xraycast/fluoroscope/c_arm viewer/xraycast/fluoroscope/collimation
+  viewer/xraycast/fluoroscope/detected_spectrum viewer/xraycast/fluoroscope/detector_view
+  viewer/xraycast/display/cell_ramps viewer/xraycast/display/display_chain viewer/xraycast/display/display_loops
+  viewer/xraycast/display/display_window viewer/xraycast/display/dynamic_range
+  viewer/xraycast/fluoroscope/electronics_stage
+  viewer/xraycast/fluoroscope/exposure viewer/xraycast/fluoroscope/exposure_control
+  viewer/xraycast/fluoroscope/fluoroscope viewer/xraycast/fluoroscope/fluoroscopy_options
+  viewer/xraycast/fluoroscope/lag_stage viewer/xraycast/fluoroscope/measuring_field
+  viewer/xraycast/fluoroscope/pixel_loops viewer/xraycast/fluoroscope/quanta_stage viewer/xraycast/fluoroscope/scatter
+  viewer/xraycast/fluoroscope/scatter_stage viewer/xraycast/fluoroscope/scintillator_blur
+  viewer/xraycast/fluoroscope/subtraction viewer/xraycast/fluoroscope/water_path
+  viewer/xraycast/fluoroscope/xray_generator
+  viewer/xraycast/acquisition/acquisition viewer/xraycast/acquisition/console viewer/xraycast/acquisition/phase_masks
   viewer/xraycast/scene/contrast_surface viewer/xraycast/scene/instrument_curve
-  viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/trainer viewer/xraycast/trainer/trainer_setup
-  web/native/trainer"
+  viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/fluoroscope_setup viewer/xraycast/trainer/page_motion
+  viewer/xraycast/trainer/trainer viewer/xraycast/trainer/trainer_body
+  viewer/xraycast/trainer/trainer_setup
+  web/native/fluoroscope web/native/parallel web/native/trainer web/native/tube_beam"
 mkdir -p "$folder/include"
 # Debian's header-only libraries, without its C library beside them.
 for library in fmt glm nlohmann; do ln -sfn "/usr/include/$library" "$folder/include/$library"; done
-flags="-std=c++20 -O2 -msimd128 -flto -DNDEBUG -DFMT_HEADER_ONLY -ffp-contract=off -fno-math-errno -fwasm-exceptions -Wno-psabi"
+flags="-std=c++20 -O2 -msimd128 -flto -DNDEBUG -DFMT_HEADER_ONLY -ffp-contract=off -fno-math-errno -fwasm-exceptions -Wno-psabi -include web/native/bit_cast.hpp"
 cd "$root"
 for source in $sources; do echo "$source"; done | xargs -P "$(nproc)" -I{} sh -c '
   object=$1/$(echo "$2" | tr / _).o

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <emscripten/emscripten.h>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -44,6 +45,37 @@ EMSCRIPTEN_KEEPALIVE const char* trainer_open() {
 
 EMSCRIPTEN_KEEPALIVE void trainer_hold(double push, double turn, bool is_slow, bool pedal, bool injects) {
   trainer->hold({push, turn, is_slow, pedal, injects});
+}
+EMSCRIPTEN_KEEPALIVE void trainer_pulse_rate(double per_s) { trainer->set_pulse_rate(per_s); }
+EMSCRIPTEN_KEEPALIVE void trainer_dose(double air_kerma_mGy, double dap_Gycm2) {
+  trainer->count_dose(air_kerma_mGy, dap_Gycm2);
+}
+/// Of a body in motion: a mode is held, at a phase unless that is below 0, or goes on.
+EMSCRIPTEN_KEEPALIVE const char* trainer_hold_mode(std::size_t mode, bool holds, double phase) {
+  return failure_of([&] {
+    xraycast::TrainerBody* const body = trainer->body();
+    if (!body) return;
+    if (!holds)
+      body->release(mode);
+    else if (phase >= 0)
+      body->hold(mode, phase);
+    else
+      body->hold(mode);
+  });
+}
+EMSCRIPTEN_KEEPALIVE const char* trainer_speed(double factor) {
+  return failure_of([&] {
+    if (trainer->body()) trainer->body()->set_speed(factor);
+  });
+}
+/// A mode below 0: no gate.
+EMSCRIPTEN_KEEPALIVE const char* trainer_gate(int mode, double phase) {
+  return failure_of([&] {
+    if (!trainer->body()) return;
+    std::optional<xraycast::TrainerBody::Gate> gate;
+    if (mode >= 0) gate = {static_cast<std::size_t>(mode), phase};
+    trainer->body()->set_gate(gate);
+  });
 }
 EMSCRIPTEN_KEEPALIVE void trainer_next_hub() { trainer->hold_next_hub(); }
 EMSCRIPTEN_KEEPALIVE void trainer_valve() { trainer->toggle_valve(); }

@@ -4,6 +4,7 @@ import { Absorbed, absorbed_by, covered_by } from "./absorption";
 import type { KeyMapData, MapGeometry, Surface } from "./data";
 import { DeviceMap, HalvedMap, MapDrawing, MovingMap } from "./device_map";
 import { ComingReds, Program, Table, Target, Texture, Triangles } from "./gl";
+import type { DetectorImage } from "./fluoroscopy";
 import type { GreyWindow } from "./grey_window";
 import { in_clusters, kCluster_mm, normals_of } from "./mesh";
 import { Rectified, rectified_view } from "./rectified";
@@ -11,6 +12,7 @@ import { Sampler } from "./samples";
 import row_steps_glsl from "../../viewer/shaders/row_steps.glsl";
 import columns_glsl from "./shaders/columns.glsl";
 import columns_frag from "./shaders/columns.frag";
+import detector_frag from "./shaders/detector.frag";
 import display_frag from "./shaders/display.frag";
 import near_columns_frag from "./shaders/near_columns.frag";
 import screen_vert from "./shaders/screen.vert";
@@ -117,7 +119,7 @@ class BodyPicture {
 const kMostMeshes = 12; // on the device: vessels, also as clusters, and the parts of three instruments, which move
 
 export class Renderer {
-  private readonly programs: { columns: Program; near_columns: Program; display: Program; surface: Program; thickness: Program };
+  private readonly programs: { columns: Program; near_columns: Program; display: Program; detector: Program; surface: Program; thickness: Program };
   private readonly whole: DeviceMap;
   private readonly moving: MovingMap | null; // the same, of a body that moves
   private readonly halved: HalvedMap; // of half the rows, for pictures of a motion
@@ -133,6 +135,9 @@ export class Renderer {
   private readonly opaque: Target;
   private readonly near: Target;
   private readonly tau_target: Target;
+  private readonly rays: Target; // of a fluoroscope's pulse
+  private readonly greys: Texture; // of the fluoroscope's picture
+  private shown_image: DetectorImage | null = null; // in these greys
   private readonly no_vertices: WebGLVertexArrayObject;
   private readonly clusters = new WeakMap<Surface, Surface>();
   private readonly triangles = new Map<Surface["mesh"], Triangles>();
@@ -146,6 +151,7 @@ export class Renderer {
       columns: new Program(gl, screen_vert, row_steps_glsl + columns_glsl + columns_frag),
       near_columns: new Program(gl, screen_vert, row_steps_glsl + columns_glsl + near_columns_frag),
       display: new Program(gl, screen_vert, display_frag),
+      detector: new Program(gl, screen_vert, detector_frag),
       surface: new Program(gl, surface_vert, surface_frag),
       thickness: new Program(gl, surface_vert, thickness_frag),
     };
@@ -164,6 +170,8 @@ export class Renderer {
     this.opaque = new Target(gl, [gl.RGBA8, gl.R32F], true);
     this.near = new Target(gl, [gl.R32F]);
     this.tau_target = new Target(gl, [gl.R32F]);
+    this.rays = new Target(gl, [gl.R32F]);
+    this.greys = new Texture(gl, gl.R8);
     this.no_vertices = gl.createVertexArray()!;
   }
 
@@ -196,8 +204,7 @@ export class Renderer {
 
   /** The picture, on the canvas. */
   draw(view: View, surfaces: readonly Surface[], style: Style): void {
-    const { row_mm } = this.whole.map, at_axis_mm = view.pixel_mm / magnification_of(view);
-    const body = style.detail === kQuick && at_axis_mm > row_mm ? this.quick_body : this.body;
+    const body = this.body_for(view, style);
     this.draw_passes(body, view, surfaces, style);
     this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, null);
     this.gl.viewport(0, 0, view.width, view.height);
@@ -214,6 +221,39 @@ export class Renderer {
   coarse_tau_later(view: View, surfaces: readonly Surface[], style: Style): ComingReds {
     this.draw_coarse(this.quick_coarse_body, view, surfaces, { ...style, detail: kQuick, is_moving: true, outlined: null });
     return this.tau_target.red_later();
+  }
+
+  private body_for(view: View, { detail }: Style): BodyPicture {
+    const { row_mm } = this.whole.map, at_axis_mm = view.pixel_mm / magnification_of(view);
+    return detail === kQuick && at_axis_mm > row_mm ? this.quick_body : this.body;
+  }
+
+  /** The optical depths of all rays, once the device has drawn them. */
+  rays_later(view: View, surfaces: readonly Surface[], style: Style): ComingReds {
+    const body = this.body_for(view, style);
+    this.draw_passes(body, view, surfaces, style);
+    this.rays.use(view.width, view.height);
+    this.display(body, view, surfaces, style, true);
+    return this.rays.red_later();
+  }
+
+  /** A fluoroscope's picture, as large as what it shows is in the view. */
+  draw_image(image: DetectorImage, has_outline: boolean, view: View, { window, outline_colour }: Style): void {
+    const { gl } = this, { width, height, pixel_mm } = image.view, contrast = 1 / (window.light - window.dark);
+    if (this.shown_image !== image) {
+      this.greys.resize(width, height);
+      this.greys.fill(image.greys, 0, 0, width, height);
+      this.shown_image = image;
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.viewport(0, 0, view.width, view.height);
+    this.programs.detector.use({
+      greys: 0, covered: 1, canvas_size: [view.width, view.height], image_size: [width, height], image_pixels: view.pixel_mm / pixel_mm,
+      has_outline, outline_colour: outline_colour.map((c) => c / 255), contrast, black: window.dark * contrast, gamma: window.gamma, inverted: window.inverted,
+    });
+    this.greys.bind(0);
+    this.thickness.textures[0]!.bind(1);
+    this.fullscreen();
   }
 
   private draw_coarse(body: BodyPicture, view: View, surfaces: readonly Surface[], style: Style): void {

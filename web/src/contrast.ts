@@ -1,6 +1,29 @@
 // Vessels filled unevenly with contrast agent (viewer/xraycast/scene/contrast_surface.hpp).
 import type { Contrast, Surface } from "./data";
 import type { FilledDrum } from "./live_message";
+import type { Lattice } from "./moving_lattice";
+import type { Vec3 } from "./vectors";
+
+/** How a body that moves takes the drums along, by their middles. */
+export class MovingDrums {
+  private readonly middles_mm: Float32Array;
+  private readonly places: ReturnType<Lattice["places_of"]>;
+
+  constructor({ drum_points, mesh: { points_mm } }: Contrast, private readonly lattice: Lattice) {
+    this.middles_mm = new Float32Array(points_mm.length / drum_points);
+    for (let i = 0; i < points_mm.length; ++i) this.middles_mm[3 * Math.floor(i / 3 / drum_points) + (i % 3)]! += points_mm[i]! / drum_points;
+    this.places = lattice.places_of(this.middles_mm);
+  }
+
+  /** The same drums at an instant, one phase a mode. */
+  moved(drums: readonly FilledDrum[], phases: readonly number[]): FilledDrum[] {
+    if (drums.length === 0) return [];
+    const moved_mm = new Float32Array(this.middles_mm.length);
+    this.lattice.move(this.middles_mm, this.places, this.lattice.displacement_mm(phases), moved_mm);
+    const way_mm = (drum: number) => [0, 1, 2].map((axis) => (moved_mm[3 * drum + axis] ?? 0) - (this.middles_mm[3 * drum + axis] ?? 0)) as unknown as Vec3;
+    return drums.map((one) => ({ ...one, moved_mm: way_mm(one.drum) }));
+  }
+}
 
 /** The drums that hold some, each with its own attenuation; none where none does. */
 export function filled(whole: Contrast, drums: readonly FilledDrum[]): Surface | null {

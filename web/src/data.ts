@@ -2,6 +2,7 @@
 // (viewer/xraycast/export/web_page.hpp).
 import type { CArmPose, PoseLimits } from "./c_arm_pose";
 import type { GreyWindow } from "./grey_window";
+import { inflated } from "./inflated";
 import { KeyRows, key_before, owner_of } from "./key_maps";
 import type { ModeHeader } from "./motion_mode";
 import { Lattice, LatticeHeader, lattice_of } from "./moving_lattice";
@@ -25,7 +26,7 @@ interface MapHeader {
 }
 
 /** Of a body that moves. */
-interface MotionHeader {
+export interface MotionHeader {
   modes: ModeHeader[];
   rows: [base: number, first: number, count: number][]; // of each key map: see KeyRows
   drawn_ranges: [number, number][]; // of the bytes of each drawn layer: offset and scale
@@ -91,12 +92,14 @@ export interface TargetMark {
 export interface ExerciseHeader extends Choices {
   title: string;
   task: string;
+  entry_mm: Vec3;
   targets: TargetMark[]; // in their order
 }
 
 /** Of a page that simulates by itself. */
 interface TrainerHeader extends Choices {
   tree_numbers: number; // with which the setup begins, also that of each exercise
+  pulses_per_s: number; // of the fluoroscope
   exercises: ExerciseHeader[];
 }
 
@@ -182,8 +185,8 @@ export interface Live extends LiveHeader {
 }
 
 export interface Trainer extends TrainerHeader {
-  code: ArrayBuffer; // of the simulation
-  setup: Float64Array; // which that takes
+  setup: Float64Array; // which the simulation takes
+  fluoroscope: Float64Array; // the same of the fluoroscope
   exercise: ExerciseHeader | null;
 }
 
@@ -197,13 +200,6 @@ export interface SessionData {
   run: Run | null;
   live: Live | null;
   trainer: Trainer | null;
-}
-
-export async function inflated(base64: string): Promise<Uint8Array> {
-  const text = atob(base64), bytes = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
 /** What the values to the left, above, and above to the left predict: the median edge detector of JPEG-LS. */
@@ -315,28 +311,30 @@ function shapes_of({ pictures, unit_mm }: RunHeader, bytes: Uint8Array): Vec3[][
 }
 
 /** With what the simulation of an exercise, or of none, takes. */
-function trainer_of(header: TrainerHeader, part: (name: string) => Uint8Array, exercise: number, code: ArrayBuffer): Trainer {
-  const numbers = (name: string) => new Float64Array(part(name).slice().buffer), whole = numbers("trainer"), chosen = header.exercises[exercise - 1];
-  if (!chosen) return { ...header, code, setup: whole, exercise: null };
+function trainer_of(header: TrainerHeader, part: (name: string) => Uint8Array, exercise: number): Trainer {
+  const numbers = (name: string) => new Float64Array(part(name).slice().buffer), whole = numbers("trainer"), chosen = header.exercises[exercise - 1], fluoroscope = numbers("fluoroscope");
+  if (!chosen) return { ...header, fluoroscope, setup: whole, exercise: null };
   const use = numbers(`exercise_${exercise - 1}`), setup = new Float64Array(header.tree_numbers + use.length);
   setup.set(whole.subarray(0, header.tree_numbers));
   setup.set(use, header.tree_numbers);
-  return { ...header, choices: chosen.choices, used: chosen.used, code, setup, exercise: chosen };
+  return { ...header, choices: chosen.choices, used: chosen.used, fluoroscope, setup, exercise: chosen };
 }
 
-/** `simulation` is its code, deflated; without, a page that would simulate plays its run. `exercise` is 1 for the first, 0 for none. */
-export async function session_of(header: Header, base64: string, simulation: string | null, exercise = 0): Promise<SessionData> {
+/** Where it does not simulate, a page that would plays its run. `exercise` is 1 for the first, 0 for none. `begin` is called before all
+ * that takes long. */
+export async function session_of(header: Header, base64: string, can_simulate: boolean, exercise = 0, begin: (trainer: Trainer) => void = () => {}): Promise<SessionData> {
   const bytes = await inflated(base64);
   const part = (name: string) => {
     const [first, count] = header.parts[name] ?? [0, 0];
     return bytes.subarray(first, first + count);
   };
   const floats = (name: string) => new Float32Array(part(name).slice().buffer);
+  const simulates = header.trainer !== null && can_simulate, trainer = simulates ? trainer_of(header.trainer!, part, exercise) : null;
+  if (trainer) begin(trainer);
   const map = { ...header.map, reaches_mm: floats("reaches"), scales: floats("scales") };
   const surface_of = <Kind extends MeshHeader & Matter>(of: Kind, name: string) =>
     ({ ...of, mesh: mesh_of(of, part(`${name}_points`), part(`${name}_triangles`)) });
-  const simulates = header.trainer !== null && simulation !== null;
-  const run = simulates ? null : header.run, trainer = simulates ? trainer_of(header.trainer!, part, exercise, (await inflated(simulation!)).buffer as ArrayBuffer) : null;
+  const run = simulates ? null : header.run;
   const live = header.trainer && !simulates ? null : header.live && trainer ? { ...header.live, instruments: trainer.used.map((choice) => trainer.choices[choice]!) } : header.live;
   const shapes_of_instrument = (instrument: RunInstrumentHeader, d: number): RunInstrument =>
     ({ ...instrument, shapes: instrument.parts.map((_, p) => shapes_of(run!, part(`shapes_${d}_${p}`))) });

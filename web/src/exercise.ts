@@ -16,18 +16,28 @@ function choose(exercise: number): void {
   location.reload();
 }
 
+/** Changes what is another item alone: what changes is read out. */
+function show_items(list: HTMLElement, items: readonly { words: string; kind: string }[]): void {
+  items.forEach(({ words, kind }, i) => {
+    const shown = list.children[i] ?? list.appendChild(document.createElement("li"));
+    if (shown.textContent !== words) shown.textContent = words;
+    if (shown.className !== kind) shown.className = kind;
+  });
+  while (list.children.length > items.length) list.lastElementChild!.remove();
+}
+
 /** What became of each target, and of forbidden vessels and limits; returns which target is next, -1 for none. */
 function show_progress(report: ExerciseReport): number {
   const next = report.targets.findIndex(({ reached_s }) => reached_s === null);
-  const item = (words: string, kind: string) => Object.assign(document.createElement("li"), { textContent: words, className: kind });
-  element("exercise-progress").replaceChildren(
+  const item = (words: string, kind: string) => ({ words, kind });
+  show_items(element("exercise-progress"), [
     ...report.targets.map(({ name, reached_s }, t) => (reached_s === null ? item(`${t === next ? "▸" : "○"} ${name}`, t === next ? "next" : "") : item(`✓ ${name}: ${fixed(reached_s, 1)} s`, "done"))),
     ...report.forbidden_entries.map(({ name, time_s }) => item(`✗ ${name} entered: ${fixed(time_s, 1)} s`, "fault")),
     ...report.limits.filter(({ passed_s }) => passed_s !== null).map(({ name, limit, passed_s }) => item(`✗ ${kLimits[name] ?? name} above ${limit}${name.includes("_") ? ` ${name.slice(name.lastIndexOf("_") + 1)}` : ""}: ${fixed(passed_s!, 1)} s`, "fault")),
-  );
-  const result = element("exercise-result");
+  ]);
+  const result = element("exercise-result"), words = report.is_passed ? "Passed." : "Complete, but not passed: see what is marked ✗.";
   result.hidden = !report.is_complete;
-  result.textContent = report.is_passed ? "Passed." : "Complete, but not passed: see what is marked ✗.";
+  if (result.textContent !== words) result.textContent = words;
   return next;
 }
 

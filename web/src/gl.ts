@@ -75,6 +75,7 @@ export class Texture {
     const { gl, format } = this;
     if (format === gl.R32F) return [gl.RED, gl.FLOAT];
     if (format === gl.RG32F) return [gl.RG, gl.FLOAT];
+    if (format === gl.R8) return [gl.RED, gl.UNSIGNED_BYTE];
     if (format === gl.DEPTH_COMPONENT24) return [gl.DEPTH_COMPONENT, gl.UNSIGNED_INT];
     return [gl.RGBA, format === gl.RGBA8 ? gl.UNSIGNED_BYTE : gl.FLOAT];
   }
@@ -87,8 +88,9 @@ export class Texture {
     this.height = height;
   }
 
-  fill(values: Float32Array, x: number, y: number, width: number, height: number): void {
+  fill(values: Float32Array | Uint8Array, x: number, y: number, width: number, height: number): void {
     this.bind(0);
+    this.gl.pixelStorei(this.gl.UNPACK_ALIGNMENT, 1); // rows of bytes have any length
     this.gl.texSubImage2D(this.target, 0, x, y, width, height, ...this.layout(), values);
   }
 
@@ -135,16 +137,19 @@ export class Table {
 
 /** The red channel of the bound framebuffer, on its way. */
 export class ComingReds {
-  private readonly rgba: Float32Array;
+  private readonly values: Float32Array;
+  readonly stride: number; // of the reds in all values
   private readonly buffer: WebGLBuffer;
   private readonly drawn: WebGLSync;
 
-  constructor(private readonly gl: WebGL2RenderingContext, width: number, height: number) {
-    this.rgba = new Float32Array(4 * width * height);
+  /** `format` is one that the framebuffer can be read in. */
+  constructor(private readonly gl: WebGL2RenderingContext, width: number, height: number, format: number) {
+    this.stride = format === gl.RED ? 1 : 4;
+    this.values = new Float32Array(this.stride * width * height);
     this.buffer = gl.createBuffer()!;
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.buffer);
-    gl.bufferData(gl.PIXEL_PACK_BUFFER, this.rgba.byteLength, gl.STREAM_READ);
-    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, 0);
+    gl.bufferData(gl.PIXEL_PACK_BUFFER, this.values.byteLength, gl.STREAM_READ);
+    gl.readPixels(0, 0, width, height, format, gl.FLOAT, 0);
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
     this.drawn = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0)!;
     gl.flush();
@@ -152,13 +157,23 @@ export class ComingReds {
 
   /** None until it is drawn, and where it never will be. It is taken once. */
   take(): Float32Array | null {
+    const { stride } = this, values = this.take_all();
+    return values && (stride === 1 ? values : values.filter((_, i) => i % stride === 0));
+  }
+
+  get is_lost(): boolean {
+    return this.gl.isContextLost();
+  }
+
+  /** The same with what lies between the reds, the lowest row first. */
+  take_all(): Float32Array | null {
     const { gl } = this, status = gl.clientWaitSync(this.drawn, 0, 0);
     if (status !== gl.ALREADY_SIGNALED && status !== gl.CONDITION_SATISFIED) return null;
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.buffer);
-    gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, this.rgba);
+    gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, this.values);
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
     this.drop();
-    return this.rgba.filter((_, i) => i % 4 === 0);
+    return this.values;
   }
 
   drop(): void {
@@ -172,6 +187,7 @@ export class Target {
   private readonly framebuffer: WebGLFramebuffer;
   readonly textures: Texture[];
   private readonly depth: Texture | null;
+  private red_format = 0; // in which reds are read; 0: not known yet
 
   constructor(private readonly gl: WebGL2RenderingContext, formats: number[], has_depth = false) {
     this.framebuffer = gl.createFramebuffer()!;
@@ -203,7 +219,11 @@ export class Target {
   red_later(): ComingReds {
     const { gl } = this, { width, height } = this.textures[0]!;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
-    return new ComingReds(gl, width, height);
+    if (this.red_format === 0) {
+      const reads_reds = gl.getParameter(gl.IMPLEMENTATION_COLOR_READ_FORMAT) === gl.RED && gl.getParameter(gl.IMPLEMENTATION_COLOR_READ_TYPE) === gl.FLOAT;
+      this.red_format = reads_reds ? gl.RED : gl.RGBA;
+    }
+    return new ComingReds(gl, width, height, this.red_format);
   }
 
   /** The same at once, which waits for the device. */

@@ -1,14 +1,16 @@
 // A live session: the picture follows the server, and the controls on the page steer.
 import { BodyChange, BodyControls } from "./live_body";
 import { Connection, Role, SessionLink } from "./connection";
-import { filled } from "./contrast";
-import type { Live, Trainer } from "./data";
+import { MovingDrums, filled } from "./contrast";
+import type { Live, Motion, Trainer } from "./data";
 import { Exchange, ExchangeOrder } from "./exchange";
 import { surfaces_of } from "./instrument_shape";
 import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
 import { Exercise, show_told } from "./exercise";
+import { ExposurePanel } from "./exposure_panel";
+import { Fluoroscopy } from "./fluoroscopy";
 import { Recording } from "./recording";
 import { Report } from "./report";
 import { save_file } from "./saved_file";
@@ -16,7 +18,7 @@ import type { Picture } from "./picture";
 import type { Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
 import { Loads, LoadChart } from "./load_chart";
-import { TrainerLink } from "./trainer";
+import { TrainerLink, TrainerWorker } from "./trainer";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -72,8 +74,11 @@ export class LiveView {
   private readonly recording: Recording;
   private readonly steering: Steering;
   private readonly exchange: Exchange | null;
+  private exposure: ExposurePanel | null = null;
+  private readonly drums: MovingDrums | null; // of a body in motion whose server does not tell how they move
   private readonly connection: SessionLink | null;
   private newest: LiveMessage | null = null;
+  private exposed_s = -Infinity; // when the pedal was down last
   private exposures = -1; // of the picture that is shown
   private has_moved = false; // the C-arm, by this page, since the server was told
   private held_hub = -1;
@@ -81,7 +86,7 @@ export class LiveView {
   private is_due = false;
   private is_new_here = false; // whoever steers, and is told how
 
-  constructor(private readonly live: Live, private readonly trainer: Trainer | null, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
+  constructor(private readonly live: Live, private readonly trainer: Trainer | null, worker: TrainerWorker | null, motion: Motion | null, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
     private readonly stage: HTMLElement, private readonly redraw: () => void) {
     const names = live.instruments.map(({ name }) => name);
     for (const id of ["live", "live-keys", "save-run"]) element(id).hidden = false;
@@ -90,11 +95,12 @@ export class LiveView {
     this.recording = new Recording(names.length);
     this.loads = new LastLoads(names);
     this.chart = new LoadChart(names, (hub) => this.loads.of(hub));
+    this.drums = trainer && motion?.lattice ? new MovingDrums(live.contrast, motion.lattice) : null;
     this.body = live.modes?.length ? new BodyControls(live.modes, (body) => this.send({ body })) : null;
-    if (this.body) addEventListener("keydown", (event) => this.press(event), { capture: true });
+    if (this.body) addEventListener("keydown", (event) => this.press(event, this.body!), { capture: true });
     this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send({ [action]: true }));
     this.exchange = trainer && trainer.choices.length > names.length ? new Exchange(trainer, (exchange) => this.send({ exchange })) : null;
-    this.connection = trainer ? this.simulate(trainer, names) : location.protocol.startsWith("http") ? this.connect() : null;
+    this.connection = trainer && worker ? this.simulate(trainer, worker, names) : location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
     store.on_change((state, before) => state.pose !== before.pose && this.steering.steers && this.tell_c_arm());
     setInterval(() => this.steering.steers && this.send(), kAlive_ms);
@@ -107,13 +113,14 @@ export class LiveView {
     });
   }
 
-  private simulate(trainer: Trainer, names: string[]): SessionLink {
+  private simulate(trainer: Trainer, worker: TrainerWorker, names: string[]): SessionLink {
     const report = new Report((shows_series) => this.send({ shows_series }), () => this.send({ save_report: true }));
     const exercise = trainer.exercises.length === 0 ? null : new Exercise(trainer, (target) => {
       this.picture.target = target;
       this.redraw();
     });
-    return new TrainerLink(trainer, {
+    const link = new TrainerLink(trainer, worker, {
+      compiled: (code, setup) => this.fluoroscope(code, setup, link),
       moved: (steps) => this.recording.add_steps(steps),
       reported: (told) => {
         report.told(told);
@@ -133,6 +140,32 @@ export class LiveView {
         this.notes.state(`The simulation has ended: ${why}.`);
       },
     });
+    return link;
+  }
+
+  /** The page's own, of the simulation's code. */
+  private fluoroscope(code: WebAssembly.Module, setup: Float64Array, link: TrainerLink): void {
+    const fluoroscopy = new Fluoroscopy(code, setup, {
+      shows: (_, exposed) => {
+        this.exposure!.show(exposed);
+        link.count_dose(exposed);
+        this.redraw();
+      },
+      is_ready: () => fluoroscopy.is_due && this.redraw(),
+      failed: (why) => this.notes.tell(`${why}.`),
+    });
+    this.exposure = new ExposurePanel(fluoroscopy.settings, {
+      set: (settings) => {
+        fluoroscopy.settings = settings;
+        this.redraw(); // where the blades are
+      },
+      take_new_mask: () => fluoroscopy.take_new_mask(),
+      field_mm: () => this.picture.field_mm(this.store.state),
+    });
+    this.store.on_change((state, before) => state.pose !== before.pose && this.exposure!.show_settings());
+    addEventListener("keydown", (event) => this.press(event, this.exposure!), { capture: true });
+    this.show_keys(this.steering.steers);
+    this.picture.fluoroscopy = fluoroscopy;
   }
 
   private told(bytes: ArrayBuffer): void {
@@ -158,12 +191,14 @@ export class LiveView {
 
   private show(message: LiveMessage): void {
     const is_new = message.exposures !== this.exposures;
+    this.expose(message);
     if (message.exposes) this.picture.held_pose = null;
     else if (is_new || !this.picture.held_pose) this.hold();
     if (is_new) {
       this.exposures = message.exposures;
       const instruments = this.live.instruments.flatMap((instrument, d) => surfaces_of(instrument, message.instruments[d]?.parts_mm ?? []));
-      const contrast = filled(this.live.contrast, message.filled);
+      const phases = message.body?.modes.map(({ phase }) => phase);
+      const contrast = filled(this.live.contrast, this.drums && phases ? this.drums.moved(message.filled, phases) : message.filled);
       this.picture.live = contrast ? [...instruments, contrast] : instruments;
       this.move_body(message);
       this.redraw();
@@ -175,6 +210,15 @@ export class LiveView {
     if (now_ms - this.shown_ms < kReadout_ms) return;
     this.shown_ms = now_ms;
     this.read_out(message);
+  }
+
+  /** The pulses that the message tells of. The first exposure of all is no pulse. */
+  private expose({ exposes, exposures, time_s }: LiveMessage): void {
+    const { fluoroscopy } = this.picture, kMessage_s = 0.1;
+    if (!exposes || !fluoroscopy) return;
+    if (time_s - this.exposed_s > kMessage_s) fluoroscopy.begin_run(Math.min(3600, time_s - this.exposed_s));
+    this.exposed_s = time_s;
+    if (this.exposures >= 0) fluoroscopy.expose(exposures - this.exposures);
   }
 
   /** The picture's body, where the page has the maps of a body that moves. */
@@ -226,7 +270,7 @@ export class LiveView {
   /** Under Help. */
   private show_keys(steers: boolean): void {
     const moves_hub = steers && this.live.has_hub, has_valve = moves_hub && this.live.instruments.length > 1;
-    const applies: Record<string, boolean> = { steers, body: steers && this.body !== null, hub: moves_hub, valve: has_valve, arrows: !moves_hub, inverted: !steers, vessels: !has_valve, run: false };
+    const applies: Record<string, boolean> = { steers, body: steers && this.body !== null, exposure: steers && this.exposure !== null, hub: moves_hub, valve: has_valve, arrows: !moves_hub, inverted: !steers, vessels: !has_valve, run: false };
     for (const row of document.querySelectorAll<HTMLElement>("[data-keys]")) row.hidden = !applies[row.dataset.keys!];
   }
 
@@ -243,9 +287,9 @@ export class LiveView {
     this.send();
   }
 
-  private press(event: KeyboardEvent): void {
+  private press(event: KeyboardEvent, controls: { takes(key: string): boolean }): void {
     if (!this.steering.steers || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
-    if ((event.target as HTMLElement).matches("input, select") || !this.body!.takes(event.key.toLowerCase())) return;
+    if ((event.target as HTMLElement).matches("input, select") || !controls.takes(event.key.toLowerCase())) return;
     event.preventDefault();
     event.stopImmediatePropagation();
   }

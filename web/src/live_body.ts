@@ -9,7 +9,7 @@ const kRest = 0.75; // of a beat: where a heart rests
 
 /** What the server is asked to change (docs/web.md). */
 export interface BodyChange {
-  hold?: Record<string, boolean>;
+  hold?: Record<string, boolean | number>; // where it is, or at a phase
   speed?: number;
   gate?: { mode: string; phase: number } | null;
 }

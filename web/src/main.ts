@@ -1,20 +1,20 @@
 // Opens the page: reads the session, and connects the picture with what moves it.
 import { exercise_of, hash_of, hash_with_exercise, state_of } from "./address";
 import type { CArmPose } from "./c_arm_pose";
-import { Header, SessionData, session_of } from "./data";
+import { Header, SessionData, Trainer, session_of } from "./data";
 import { shown_time_s } from "./instrument_shape";
 import { MotionPlayer, RunTraces } from "./motion_player";
 import { RunPlayer } from "./run_player";
 import { save_file } from "./saved_file";
 import { Actions, PictureControls } from "./picture_controls";
 import { LiveView } from "./live";
-import { draw_overlay } from "./overlay";
+import { Outline, draw_overlay } from "./overlay";
 import { Picture } from "./picture";
 import { Notes } from "./notes";
 import { State, Store, first_state } from "./state";
 import { Tools } from "./tools";
-import { can_simulate } from "./trainer";
-import { label_of } from "./view";
+import { TrainerWorker, can_simulate } from "./trainer";
+import { View, label_of } from "./view";
 
 const kRest_ms = 150; // without a move, after which the picture is drawn fully
 const kMostPixels = 2_000_000; // of the picture; more are shown enlarged
@@ -54,6 +54,15 @@ class Pace {
   }
 }
 
+/** The canvas is as large as the stage; the display's pixels of one of its own. */
+function resize(): number {
+  const { clientWidth: width, clientHeight: height } = stage;
+  const scale = Math.min(devicePixelRatio, Math.sqrt(kMostPixels / Math.max(1, width * height)));
+  const size = { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) };
+  if (canvas.width !== size.width || canvas.height !== size.height) Object.assign(canvas, size);
+  return scale;
+}
+
 /** Draws when something has changed, at most once a frame of the display. */
 class Page {
   private readonly player: RunPlayer | null;
@@ -66,9 +75,11 @@ class Page {
   private moved_ms = -Infinity;
   private has_moved = false; // since the last picture, which may be long ago on a slow device
   private pictures = 0;
+  private overlay_key = "";
+  private outlined: Outline["covered"] | undefined;
   private rest_timer = 0;
 
-  constructor(private readonly data: SessionData, private readonly store: Store, private readonly picture: Picture) {
+  constructor(private readonly data: SessionData, private readonly store: Store, private readonly picture: Picture, worker: TrainerWorker | null) {
     const actions: Actions = {
       toggle_layer: (k) => this.toggle_layer(k),
       reset: () => store.update({ pose: { ...store.first.pose }, window: store.first.window }),
@@ -101,7 +112,7 @@ class Page {
     this.draw();
     notes.state("");
     this.load_keys();
-    if (data.live) new LiveView(data.live, data.trainer, store, picture, notes, stage, () => this.request());
+    if (data.live) new LiveView(data.live, data.trainer, worker, data.motion, store, picture, notes, stage, () => this.request());
   }
 
   /** The picture, or else the still one. */
@@ -169,28 +180,30 @@ class Page {
     });
   }
 
-  private resize(): number {
-    const { clientWidth: width, clientHeight: height } = stage;
-    const scale = Math.min(devicePixelRatio, Math.sqrt(kMostPixels / Math.max(1, width * height)));
-    const size = { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) };
-    if (canvas.width !== size.width || canvas.height !== size.height) Object.assign(canvas, size);
-    return scale;
-  }
-
   private draw(): void {
     if (this.is_lost) return;
-    const scale = this.resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
+    const scale = resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
     const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare && !this.picture.held_pose;
     this.has_moved = false;
     const body_moves = this.body_moves;
     const has_road_map = this.picture.draw(state, is_moving || body_moves, is_moving || (body_moves && this.pace.is_slow(performance.now()))), view = this.picture.view(state);
     const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
-    draw_overlay(overlay, view, outlined, scale, !state.is_bare, state.is_bare ? null : this.picture.target);
+    this.draw_overlay(view, outlined, scale);
     this.describe(state);
     document.documentElement.dataset.pictures = String(++this.pictures);
     clearTimeout(this.rest_timer);
     if (!body_moves) this.pace.rest();
     if (is_moving) this.rest_timer = setTimeout(() => this.request(), Math.max(0, kRest_ms - rest_ms) + 1);
+  }
+
+  /** Unless it is there already. */
+  private draw_overlay(view: View, outlined: Outline | null, scale: number): void {
+    const { is_bare } = this.store.state, target = is_bare ? null : this.picture.target, blades_mm = this.picture.fluoroscopy?.settings.blades_mm ?? null;
+    const key = JSON.stringify([view, scale, is_bare, target, blades_mm]);
+    if (this.overlay_key === key && this.outlined === outlined?.covered) return;
+    this.overlay_key = key;
+    this.outlined = outlined?.covered;
+    draw_overlay(overlay, view, outlined, scale, !is_bare, target, blades_mm);
   }
 
   private get body_moves(): boolean {
@@ -266,13 +279,15 @@ async function open(): Promise<void> {
   notes.state("Opening the session …");
   const header = JSON.parse(element("session").textContent!) as Header, packed = element("data").textContent!.trim();
   element("data").remove(); // as long as the file: its memory is needed
-  const simulation = can_simulate() ? element("simulation").textContent!.trim() : null;
+  const worker = header.trainer && can_simulate() ? new TrainerWorker(element("simulation").textContent!.trim()) : null;
   element("simulation").remove();
-  const data = await session_of(header, packed, simulation, exercise_of(location.hash, header.trainer?.exercises?.length ?? 0)), first = first_state(data);
+  const begin = (trainer: Trainer) => worker!.begin(trainer, header.live?.modes ?? [], header.motion);
+  const data = await session_of(header, packed, worker !== null, exercise_of(location.hash, header.trainer?.exercises?.length ?? 0), begin), first = first_state(data);
   const modes = data.motion?.modes.map(({ name }) => name) ?? [], store = new Store(state_of(location.hash, first, modes), first, data);
+  resize(); // later it would wait for the graphics device, which takes the map first
   const picture = Picture.on(canvas, data);
   if (!picture) return notes.state("This browser has no WebGL 2, so this is a still picture.");
-  new Page(data, store, picture);
+  new Page(data, store, picture, worker);
   if (header.trainer && !data.trainer) notes.state(`This browser has no WebAssembly with vectors and exceptions, so nothing can be steered${data.run ? "; the run can be played" : ""}.`);
 }
 

@@ -28,11 +28,12 @@ export interface Outline {
 }
 
 /** `scale` is that of the display's pixels; without letters and bar the vessels' outline alone. */
-export function draw_overlay(canvas: HTMLCanvasElement, view: View, outline: Outline | null, scale: number, has_letters: boolean, target: TargetMark | null = null): void {
+export function draw_overlay(canvas: HTMLCanvasElement, view: View, outline: Outline | null, scale: number, has_letters: boolean, target: TargetMark | null = null, blades_mm: readonly [number, number] | null = null): void {
   if (canvas.width !== view.width || canvas.height !== view.height) Object.assign(canvas, { width: view.width, height: view.height });
   const context = canvas.getContext("2d")!;
   context.clearRect(0, 0, canvas.width, canvas.height);
   if (outline) draw_outline(context, outline, view.height);
+  if (blades_mm && has_letters) draw_blades(context, view, blades_mm, scale);
   if (target) draw_target(context, view, target, scale);
   if (has_letters) draw_letters_and_bar(context, view, scale);
 }
@@ -54,6 +55,17 @@ function draw_letters_and_bar(context: CanvasRenderingContext2D, view: View, sca
   text(0.5 * width, margin + 0.8 * font, orientation_of(up_of(view)), "center");
   text(0.5 * width, height - margin, orientation_of(times(-1, up_of(view))), "center");
   draw_scale_bar(context, view, font, scale, text);
+}
+
+/** Where the blades' edges are, or will be in the next picture. */
+function draw_blades(context: CanvasRenderingContext2D, view: View, blades_mm: readonly [number, number], scale: number): void {
+  const [width, height] = blades_mm.map((mm) => (mm * magnification_of(view)) / view.pixel_mm) as [number, number];
+  context.save();
+  context.lineWidth = scale;
+  context.strokeStyle = kInk;
+  context.setLineDash([4 * scale, 4 * scale]);
+  context.strokeRect(0.5 * (view.width - width), 0.5 * (view.height - height), width, height);
+  context.restore();
 }
 
 function draw_target(context: CanvasRenderingContext2D, view: View, { at_mm, radius_mm }: TargetMark, scale: number): void {

@@ -1,6 +1,7 @@
 // The picture on its canvas: drawn coarsely while the C-arm moves, and fully once it rests.
 import { CArmPose, view_of } from "./c_arm_pose";
 import { Renderer, Style, kFull, kQuick } from "./compositing";
+import type { DetectorImage, Fluoroscopy } from "./fluoroscopy";
 import type { ComingReds } from "./gl";
 import type { SessionData, Surface, TargetMark } from "./data";
 import { InstrumentShapes } from "./instrument_shape";
@@ -8,9 +9,12 @@ import { GreyWindow, automatic_window } from "./grey_window";
 import { MovingSurface } from "./moving_surface";
 import type { Outline } from "./overlay";
 import type { State } from "./state";
-import type { View } from "./view";
+import { View, magnification_of } from "./view";
 
 const kPicturesPerWindow = 3; // of a motion
+const kMostDetectorPixels = 420_000; // that a fluoroscope makes 15 pictures a second of
+const kMostDetectorSide = 4 / 3; // of its shorter one: beside a body in a wider one there is air, and the exposure control would follow that
+const kDetectorWindow = { scale: 1, dark: 0, light: 1 }; // as the fluoroscope shows it
 
 export class Picture {
   private renderer: Renderer;
@@ -20,6 +24,7 @@ export class Picture {
   private weights_key = "";
   private window_key = "";
   private since_coarse = 0; // pictures of a motion
+  private shown_image: { image: DetectorImage; key: string } | null = null; // that the canvas shows
   private coming_tau: ComingReds | null = null; // for the window of a motion
   private coming_key = ""; // of the picture that it is of
   private automatic: GreyWindow = { scale: 1, dark: 0, light: 1, gamma: 1, inverted: false };
@@ -27,6 +32,8 @@ export class Picture {
   live: readonly Surface[] = [];
   /** Where the C-arm stood when the picture was taken that is held; null: the picture follows the C-arm. */
   held_pose: CArmPose | null = null;
+  /** Of a page that has one. */
+  fluoroscopy: Fluoroscopy | null = null;
   /** What is to be reached next, where that is shown. */
   target: TargetMark | null = null;
   /** The grey window that was drawn last. */
@@ -54,7 +61,7 @@ export class Picture {
   restore(): void {
     this.renderer = this.new_renderer();
     this.weights_key = this.window_key = "";
-    this.coming_tau = null;
+    this.coming_tau = this.shown_image = null;
   }
 
   /** Key maps of the body's motion that are still to be loaded; until then it stands still. */
@@ -72,6 +79,12 @@ export class Picture {
     return view_of(this.held_pose ?? state.pose, this.data.header.cone, this.data.map.bounds, width, height, fit);
   }
 
+  /** Width and height at the isocentre. */
+  field_mm(state: State): readonly [number, number] {
+    const view = this.view(state), at_axis_mm = view.pixel_mm / magnification_of(view);
+    return [Math.min(view.width, kMostDetectorSide * view.height) * at_axis_mm, Math.min(view.height, kMostDetectorSide * view.width) * at_axis_mm];
+  }
+
   /** Whether the road map is in the picture already. In pictures of a motion the body may be drawn coarsely. */
   draw(state: State, is_moving: boolean, is_coarse = is_moving): boolean {
     this.set_weights(state);
@@ -82,10 +95,30 @@ export class Picture {
       detail: is_coarse ? kQuick : kFull, is_moving, outline_colour: this.data.header.viewer.road_map_colour,
       outlined: is_moving && state.shows_road_map ? this.vessels : null,
     };
+    if (this.fluoroscopy?.is_due) this.begin_pulse(this.fluoroscopy, view, [...still, ...this.live], { ...style, look: "fluoro" });
+    const image = state.look === "fluoro" ? this.fluoroscopy?.image : null;
+    if (image) return this.draw_image(image, view, style, state);
+    this.shown_image = null;
     this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), gamma: state.gamma, inverted: state.inverted };
     const surfaces = [...still, ...(this.run ? this.run.at(state.time_s) : this.live)].filter((surface) => state.look === "fluoro" || !surface.weights);
     this.renderer.draw(view, surfaces, style);
     return style.outlined !== null && this.renderer.adds_up(surfaces, style);
+  }
+
+  /** The rays of a pulse, of the picture's view in no more pixels than the detector has. */
+  private begin_pulse(fluoroscopy: Fluoroscopy, view: View, surfaces: readonly Surface[], style: Style): void {
+    const seen = { width: Math.min(view.width, kMostDetectorSide * view.height), height: Math.min(view.height, kMostDetectorSide * view.width) };
+    const scale = Math.min(1, Math.sqrt(kMostDetectorPixels / (seen.width * seen.height))), size = (pixels: number) => Math.max(1, Math.round(scale * pixels));
+    const on_detector = { ...view, width: size(seen.width), height: size(seen.height), pixel_mm: view.pixel_mm / scale };
+    fluoroscopy.begin_pulse(this.renderer.rays_later(on_detector, surfaces, style), on_detector, style.outlined !== null && this.renderer.adds_up(surfaces, style));
+  }
+
+  private draw_image(image: DetectorImage, view: View, style: Style, state: State): boolean {
+    this.window = style.window = { ...(state.window ?? kDetectorWindow), gamma: state.gamma, inverted: state.inverted };
+    const has_outline = image.has_outline && state.shows_road_map && style.is_moving, key = JSON.stringify([view, this.window, has_outline]);
+    if (this.shown_image?.image !== image || this.shown_image.key !== key) this.renderer.draw_image(image, has_outline, view, style);
+    this.shown_image = { image, key };
+    return style.is_moving;
   }
 
   /** Where the vessels alone are, for the road map. */

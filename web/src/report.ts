@@ -14,7 +14,7 @@ interface Figure {
 const figure = (name: string, words: string, unit = "", digits = 0): Figure => ({ name, words, unit, digits });
 
 const kOfRun = [
-  figure("time_s", "time", "s"), figure("idle_s", "idle", "s"), figure("fluoroscopy_s", "fluoroscopy", "s"), figure("exposures", "exposures"), figure("injected_ml", "contrast agent", "ml"),
+  figure("time_s", "time", "s"), figure("idle_s", "idle", "s"), figure("fluoroscopy_s", "fluoroscopy", "s"), figure("exposures", "exposures"), figure("air_kerma_mGy", "air kerma", "mGy", 2), figure("dap_Gycm2", "dose-area product", "Gy cm²", 2), figure("injected_ml", "contrast agent", "ml"),
 ];
 const kOfInstrument = [
   figure("tip_path_mm", "path of the tip", "mm"), figure("idle_s", "idle", "s"), figure("turned_deg", "turned", "°"), figure("turn_backs", "changes of the turn"), figure("reversals", "reversals"),

@@ -1,11 +1,17 @@
 // The simulation, compiled to WebAssembly from the program's sources (web/native/trainer.cpp).
+import type { BodyChange } from "./live_body";
+import { instance_of } from "./wasm_instance";
 
 interface Exports {
   memory: WebAssembly.Memory;
-  _initialize(): void;
   trainer_room(count: number): number;
   trainer_open(): number;
   trainer_hold(push: number, turn: number, is_slow: boolean, pedal: boolean, injects: boolean): void;
+  trainer_pulse_rate(per_s: number): void;
+  trainer_dose(air_kerma_mGy: number, dap_Gycm2: number): void;
+  trainer_hold_mode(mode: number, holds: boolean, phase: number): number;
+  trainer_speed(factor: number): number;
+  trainer_gate(mode: number, phase: number): number;
   trainer_next_hub(): void;
   trainer_valve(): void;
   trainer_exchange(instrument: number, choice: number): number;
@@ -26,20 +32,17 @@ export interface HandHolds {
   inject: boolean;
 }
 
+export interface Dose {
+  air_kerma_mGy: number;
+  dap_Gycm2: number;
+}
+
 export class Simulation {
   private constructor(private readonly calls: Exports) {}
 
   /** Of an exported page's setup (viewer/xraycast/trainer/trainer_setup.hpp). Throws where that is damaged. */
-  static async of(code: BufferSource, setup: Float64Array): Promise<Simulation> {
-    const ends = (status: number) => {
-      throw new Error(`the simulation ended with ${status}`);
-    };
-    const { instance } = await WebAssembly.instantiate(code, {
-      env: { emscripten_notify_memory_growth: () => {} },
-      wasi_snapshot_preview1: { proc_exit: ends, environ_sizes_get: () => 52, environ_get: () => 52 }, // there is none
-    });
-    const simulation = new Simulation(instance.exports as unknown as Exports);
-    simulation.calls._initialize();
+  static async of(code: WebAssembly.Module | BufferSource, setup: Float64Array): Promise<Simulation> {
+    const simulation = new Simulation((await instance_of(code)).exports as unknown as Exports);
     simulation.put(setup);
     const failure = simulation.text_at(simulation.calls.trainer_open());
     if (failure !== null) throw new Error(failure);
@@ -48,6 +51,16 @@ export class Simulation {
 
   hold({ push, turn, slow, pedal, inject }: HandHolds): void {
     this.calls.trainer_hold(push, turn, slow, pedal, inject);
+  }
+
+  /** Exposures a second while the pedal is down, in place of one a message. */
+  set_pulse_rate(per_s: number): void {
+    this.calls.trainer_pulse_rate(per_s);
+  }
+
+  /** What the fluoroscope has given so far. */
+  count_dose({ air_kerma_mGy, dap_Gycm2 }: Dose): void {
+    this.calls.trainer_dose(air_kerma_mGy, dap_Gycm2);
   }
 
   hold_next_hub(): void {
@@ -61,6 +74,16 @@ export class Simulation {
   /** Why it was refused, or null. */
   exchange(instrument: number, choice: number): string | null {
     return this.text_at(this.calls.trainer_exchange(instrument, choice));
+  }
+
+  /** Of a body in motion, whose modes have these names. Why it was refused, or null. */
+  change_body({ hold, speed, gate }: BodyChange, modes: readonly string[]): string | null {
+    const { calls } = this, refusals: (string | null)[] = [];
+    for (const [name, held] of Object.entries(hold ?? {}))
+      refusals.push(this.text_at(calls.trainer_hold_mode(modes.indexOf(name), held !== false, typeof held === "number" ? held : -1)));
+    if (speed !== undefined) refusals.push(this.text_at(calls.trainer_speed(speed)));
+    if (gate !== undefined) refusals.push(this.text_at(calls.trainer_gate(gate ? modes.indexOf(gate.mode) : -1, gate?.phase ?? 0)));
+    return refusals.find((refusal) => refusal !== null) ?? null;
   }
 
   /** So many milliseconds as the hand moves. */

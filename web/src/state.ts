@@ -1,11 +1,12 @@
 // What the page shows, and who is told when that changes.
 import { CArmPose, limited } from "./c_arm_pose";
 import type { Look } from "./compositing";
-import type { SessionData } from "./data";
+import type { ExerciseHeader, SessionData } from "./data";
 import { fullest_s, length_s, shown_time_s } from "./instrument_shape";
 import type { GreyWindow } from "./grey_window";
 import { Rhythm } from "./rhythm";
 import { clamp } from "./vectors";
+import type { Bounds } from "./view";
 
 export interface State {
   pose: CArmPose;
@@ -22,10 +23,18 @@ export interface State {
   is_bare: boolean; // the picture alone
 }
 
-/** As the session was exported. */
-export function first_state({ header, run, motion }: SessionData): State {
+/** The way from the entry to all targets is seen, with room about it, in a picture that is as high as it is wide. */
+function opening_pose(pose: CArmPose, { centre_mm, radius_mm, half_height_mm }: Bounds, { entry_mm, targets }: ExerciseHeader): CArmPose {
+  const kRoom = 1.4, places_mm = [entry_mm, ...targets.map(({ at_mm }) => at_mm)], heights_mm = places_mm.map(([, , z]) => z);
+  const lowest_mm = Math.min(...heights_mm), highest_mm = Math.max(...heights_mm), aside_mm = Math.max(...places_mm.map(([x, y]) => Math.hypot(x - centre_mm[0], y - centre_mm[1])));
+  const seen_mm = kRoom * Math.max(highest_mm - lowest_mm, 2 * aside_mm), zoom = (2 * Math.max(half_height_mm, radius_mm)) / seen_mm;
+  return { ...pose, zoom: Math.max(pose.zoom, zoom), table_mm: 0.5 * (lowest_mm + highest_mm) - centre_mm[2] };
+}
+
+/** As the session was exported; an exercise opens where it takes place. */
+export function first_state({ header, map, run, motion, trainer }: SessionData): State {
   return {
-    pose: header.pose,
+    pose: trainer?.exercise ? opening_pose(header.pose, map.bounds, trainer.exercise) : header.pose,
     look: header.look,
     window: header.window && { ...header.window, ...header.greys },
     ...header.greys,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/acquisition/mask_phase.hpp"
 #include "xraycast/acquisition/phase_masks.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/fluoroscope/subtraction.hpp"

@@ -21,7 +21,7 @@ void blend_greys(std::span<const float> vessels, double black, std::span<std::ui
 std::vector<float> above_median(std::span<const float> picture) {
   std::vector<float> sorted(picture.begin(), picture.end());
   const auto middle = sorted.begin() + std::ssize(sorted) / 2;
-  std::ranges::nth_element(sorted, middle);
+  std::nth_element(sorted.begin(), middle, sorted.end());
   std::vector<float> above(picture.begin(), picture.end());
   for (float& value : above) value = std::max(0.0f, value - *middle);
   return above;

@@ -1,24 +1,10 @@
 #include "xraycast/acquisition/phase_masks.hpp"
 
-#include "xraycast/base/error.hpp"
-#include "xraycast/base/plain_text.hpp"
-
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
-#include <string_view>
 
 namespace xraycast {
 namespace {
-
-/// Of a waveform, the mean of its cycles; one that goes there and back is over as a whole.
-double cycle_of(const MotionMode& mode) {
-  if (mode.waveform.empty()) return mode.period_s;
-  const double span_s = mode.waveform.back().time_s - mode.waveform.front().time_s;
-  const double turns = std::round(std::abs(mode.waveform.back().phase - mode.waveform.front().phase));
-  return span_s / std::max(1.0, mode.wraps() ? turns : 1.0);
-}
 
 double phase_distance(double a, double b, bool wraps) {
   const double away = std::abs(a - b);
@@ -27,40 +13,11 @@ double phase_distance(double a, double b, bool wraps) {
 
 }  // namespace
 
-MaskPhase parse_mask_phase(const std::string& text) {
-  if (text == "matched") return {};
-  const auto equals = text.rfind('=');
-  double phase = 0;
-  if (equals == std::string::npos || equals == 0 ||
-      !parse_whole(std::string_view(text).substr(equals + 1), phase))
-    throw InputError("`mask_phase` {}: must be matched, or a mode and its phase, such as heart=0.75",
-                     excerpt(text));
-  return {PhaseGate{text.substr(0, equals), phase}};
-}
-
-MaskMatching matching_of(const MaskPhase& wanted, const Motion& motion) {
-  const auto& modes = motion.modes();
-  std::size_t number = 0;
-  if (wanted.fixed) {
-    number = motion.number_of(
-        wanted.fixed->mode,
-        fmt::format("`mask_phase` {}={:g}", excerpt(wanted.fixed->mode), wanted.fixed->phase));
-  } else if (const auto heart = std::ranges::find(modes, "heart", &MotionMode::name); heart != modes.end()) {
-    number = static_cast<std::size_t>(heart - modes.begin());
-  }
-  const MotionMode& mode = modes[number];
-  MaskMatching matching{.mode = number, .wraps = mode.wraps(), .cycle_s = cycle_of(mode)};
-  if (!wanted.fixed) return matching;
-  matching.phase = wanted.fixed->phase;
-  if (!(*matching.phase >= 0 && *matching.phase <= 1))
-    throw InputError("`mask_phase` {}={:g}: the phase must be 0 to 1", mode.name, *matching.phase);
-  return matching;
-}
-
 void PhaseMasks::add(double phase, std::span<const float> picture) {
   ++count_;
   const int place = std::clamp(static_cast<int>(kMost * phase), 0, kMost - 1);
-  const auto known = std::ranges::find(masks_, place, &Mask::place);
+  const auto known =
+      std::find_if(masks_.begin(), masks_.end(), [place](const Mask& mask) { return mask.place == place; });
   if (known == masks_.end()) {
     masks_.push_back({place, 1, phase, {picture.begin(), picture.end()}});
     return;
@@ -72,8 +29,9 @@ void PhaseMasks::add(double phase, std::span<const float> picture) {
 }
 
 std::span<const float> PhaseMasks::nearest(double phase, bool wraps) const {
-  return std::ranges::min_element(masks_, {},
-                                  [&](const Mask& mask) { return phase_distance(mask.phase, phase, wraps); })
+  const auto away = [&](const Mask& mask) { return phase_distance(mask.phase, phase, wraps); };
+  return std::min_element(masks_.begin(), masks_.end(),
+                          [&](const Mask& a, const Mask& b) { return away(a) < away(b); })
       ->picture;
 }
 

@@ -124,6 +124,12 @@ LiveRun live_run_of(const RunRequest& run, const std::string& vessels_name) {
   return {.instruments = run.instruments, .contrast = contrast.whole()};
 }
 
+Exercise with_shown_names(Exercise exercise) {
+  for (std::vector<std::string>* names : {&exercise.instruments, &exercise.devices})
+    for (std::string& name : *names) name = shown_name(name);
+  return exercise;
+}
+
 }  // namespace
 
 ExportFormat export_format(const std::string& file) {
@@ -144,9 +150,12 @@ std::vector<std::string> check(const ExportRequest& request) {
   if (request.vessels)
     check_vessels(*request.vessels, bounds_of(request.map->geometry), request.vessels_name);
   std::vector<std::string> notes;
-  if (request.trainer && request.map->keys)
-    notes.emplace_back("the page's body stands still at phase 0 of its motion while it is steered");
-  if (request.live && !request.trainer && request.map->keys && request.body.motion && !moves(request))
+  if (request.trainer && request.map->keys && !request.body.motion)
+    notes.emplace_back(
+        "the page's body stands still at phase 0 of its motion while it is steered; give `motion`, by which "
+        "it "
+        "was cast, to move it");
+  if (request.live && request.map->keys && request.body.motion && !moves(request))
     notes.emplace_back(
         "the web page shows the body at phase 0 of its motion: its key maps are too many for a page");
   if (!is_page || request.live) return notes;
@@ -169,8 +178,7 @@ bool moves(const ExportRequest& request) {
   const std::shared_ptr<const KeyMaps>& keys = request.map->keys;
   if (!keys) return false;
   // A session goes on where its page cannot show all of it.
-  if (request.live)
-    return !request.trainer && request.body.motion && has_page_modes(*keys) && has_page_size(*keys);
+  if (request.live) return request.body.motion && has_page_modes(*keys) && has_page_size(*keys);
   return !request.run || request.run->moves;
 }
 
@@ -190,11 +198,15 @@ ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const
 
 void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others) {
   TrainerSetup setup{.tree = run.tree, .choices = run.instruments, .used = {}, .entry = entry_of(run)};
+  if (request.map->keys && request.body.motion && has_page_modes(*request.map->keys) &&
+      has_page_size(*request.map->keys))
+    setup.motion = PageMotion::about(*run.tree, *request.body.motion);
   for (std::size_t d = 0; d < run.instruments.size(); ++d) setup.used.push_back(d);
   for (const InstrumentModel& model : others)
     if (std::ranges::find(setup.choices, model.name(), &InstrumentModel::name) == setup.choices.end())
       setup.choices.push_back(model);
   request.live = live_run_of(run, request.vessels_name);
+  for (const PageMotion::Mode& mode : setup.motion.modes) request.live->modes.push_back(mode.name);
   request.trainer = std::move(setup);
   request.catheters.clear();
 }
@@ -202,7 +214,8 @@ void make_steered(ExportRequest& request, const RunRequest& run, const std::vect
 void add_exercises(ExportRequest& request, const std::vector<Exercise>& exercises) {
   const std::shared_ptr<const VesselTree>& tree = request.trainer->tree;
   for (const Exercise& exercise : exercises) {
-    TrainerSetup setup{.tree = tree, .exercise = to_json(exercise)};
+    TrainerSetup setup{.tree = tree, .exercise = to_json(with_shown_names(exercise))};
+    setup.motion = request.trainer->motion;
     setup.choices = instruments_named(exercise.instruments);
     for (std::size_t d = 0; d < setup.choices.size(); ++d) setup.used.push_back(d);
     setup.entry = find_entry(*tree, exercise.entry, setup.choices.front());
@@ -230,6 +243,12 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
   request.is_of_session = true;
   request.shows_vessels = false;
   return request;
+}
+
+std::string shown_name(const std::string& instrument) {
+  std::error_code error;
+  const bool is_file = std::filesystem::is_regular_file(instrument, error);
+  return is_file ? std::filesystem::path(instrument).stem().string() : instrument;
 }
 
 std::string export_bytes(const ExportRequest& request) {

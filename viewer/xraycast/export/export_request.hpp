@@ -105,6 +105,10 @@ void make_steered(ExportRequest& request, const RunRequest& run, const std::vect
 /// Exercises in the tree of a page that steers. Throws InputError where instruments do not fit.
 void add_exercises(ExportRequest& request, const std::vector<Exercise>& exercises);
 
+/// An instrument's name as an export shows it: of one that was read from a file without a name, that of the
+/// file, without its folder.
+std::string shown_name(const std::string& instrument);
+
 /// The file. Throws InputError as check() does, and Error where there is not enough memory to pack it.
 std::string export_bytes(const ExportRequest& request);
 

@@ -7,12 +7,14 @@
 #include "xraycast/export/packed_lattice.hpp"
 #include "xraycast/export/packed_layers.hpp"
 #include "xraycast/export/packed_mesh.hpp"
+#include "xraycast/fluoroscope/fluoroscope_request.hpp"
 #include "xraycast/sampling/key_texels.hpp"
 #include "xraycast/sampling/map_texels.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/vessels.hpp"
+#include "xraycast/trainer/fluoroscope_setup.hpp"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -184,7 +186,7 @@ PageJson instrument_json(const std::string& name, double radius_mm, bool has_lum
   PageJson parts = PageJson::array();
   for (const InstrumentPart& part : instrument_parts({}, has_lumen))
     parts.push_back({{"mu_per_mm", part.mu_per_mm}, {"colour", list(part.colour)}});
-  return {{"name", name}, {"radius_mm", radius_mm}, {"parts", parts}};
+  return {{"name", shown_name(name)}, {"radius_mm", radius_mm}, {"parts", parts}};
 }
 
 /// Four digits behind the point are finer than a chart shows.
@@ -241,11 +243,20 @@ PageJson add_exercise(const SteeredExercise& exercise, std::size_t number, Parts
     const TargetMark mark = mark_of(target, *exercise.setup.tree);
     targets.push_back({{"name", target.name}, {"at_mm", list(mark.at_mm)}, {"radius_mm", mark.radius_mm}});
   }
+  const auto& entry_mm = exercise.setup.entry.position_mm;
   return {{"title", exercise.exercise.title},
           {"task", exercise.exercise.task},
           {"choices", instruments_json(exercise.setup.choices)},
           {"used", exercise.setup.used},
+          {"entry_mm", list({entry_mm.x(), entry_mm.y(), entry_mm.z()})},
           {"targets", std::move(targets)}};
+}
+
+/// The usual one, at the distances of the page's cone.
+FluoroscopyOptions page_fluoroscope(const std::optional<Cone>& cone) {
+  FluoroscopyOptions options = options_of(FluoroscopeRequest{});
+  if (cone) options.c_arm.distances = *cone;
+  return options;
 }
 
 /// What the page's own simulation takes, and how each instrument that may be chosen is drawn.
@@ -253,11 +264,14 @@ PageJson add_trainer(const ExportRequest& session, Parts& parts) {
   if (!session.trainer) return {};
   const std::vector<double> setup = packed(*session.trainer);
   parts.add("trainer", setup);
+  const FluoroscopyOptions fluoroscope = page_fluoroscope(session.pose.cone);
+  parts.add("fluoroscope", packed(fluoroscope_setup(fluoroscope, water_per_mm(session.map->opacity()))));
   PageJson exercises = PageJson::array();
   for (const SteeredExercise& exercise : session.exercises)
     exercises.push_back(add_exercise(exercise, exercises.size(), parts));
   return {{"choices", instruments_json(session.trainer->choices)},
           {"used", session.trainer->used},
+          {"pulses_per_s", fluoroscope.pulses_per_s},
           {"tree_numbers", setup.size() - packed_use(*session.trainer).size()},
           {"exercises", std::move(exercises)}};
 }

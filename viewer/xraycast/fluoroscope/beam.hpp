@@ -23,6 +23,9 @@ struct FluoroscopyBeam {
   /// Of any spectrum at the detector, without air kerma. Throws InputError where the detector absorbs nothing
   /// of it.
   FluoroscopyBeam(const CArm& c_arm, const Spectrum& spectrum);
+
+  /// Of a spectrum that is known, with its air kerma.
+  FluoroscopyBeam(DetectedSpectrum detected, double reference, double limited);
 };
 
 /// The energy in keV that a cm2 of the detector absorbs an uGy of air kerma, behind a patient: at the

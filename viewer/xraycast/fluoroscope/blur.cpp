@@ -178,7 +178,7 @@ double EdgeProfile::at(double inside) const {
   if (inside <= -reach_) return 0;
   const double at = (inside + reach_) * kPerPixel;
   const auto step = static_cast<std::size_t>(at);
-  return std::lerp(shares_[step], shares_[std::min(step + 1, shares_.size() - 1)],
+  return std::lerp(double{shares_[step]}, double{shares_[std::min(step + 1, shares_.size() - 1)]},
                    at - static_cast<double>(step));
 }
 

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace xraycast {
@@ -23,17 +24,23 @@ struct EnergyMoments {
 /// and the little that Compton scattering deposits, are left out.
 class DetectedSpectrum {
  public:
+  /// Photons of one energy that the detector absorbs where nothing is in the beam, in the beam's own unit of
+  /// fluence, and mu/rho of each of kMaterials.
+  struct Bin {
+    double energy_kev, absorbed;
+    std::array<double, kMaterials.size()> cm2_g;
+  };
+
   DetectedSpectrum(const Spectrum& beam, const FluoroscopyDetector& detector);
+  explicit DetectedSpectrum(std::vector<Bin> bins) : bins_(std::move(bins)) {}
+
+  std::span<const Bin> bins() const { return bins_; }
 
   /// Of the beam behind masses of kMaterials in g/cm2; the sums are in the beam's own unit of fluence.
   EnergyMoments behind(const std::array<double, kMaterials.size()>& g_cm2) const;
   EnergyMoments behind_water(double g_cm2) const { return behind({g_cm2}); }
 
  private:
-  struct Bin {
-    double energy_kev, absorbed;
-    std::array<double, kMaterials.size()> cm2_g;
-  };
   std::vector<Bin> bins_;
 };
 

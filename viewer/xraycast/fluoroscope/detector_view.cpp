@@ -32,7 +32,7 @@ PixelPlane field_of(const FluoroscopyOptions& options, const View& view) {
   PixelPlane field = open_field(view, limit.sides, limit.round_mm, edge);
   if (!options.collimation) return field;
   const PixelPlane between = open_field(view, *options.collimation, 0, edge);
-  std::ranges::transform(field, between, field.begin(), std::multiplies{});
+  std::transform(field.begin(), field.end(), between.begin(), field.begin(), std::multiplies{});
   return field;
 }
 

@@ -43,8 +43,8 @@ Scatter::Scatter(int columns, int rows, double cell_mm, Beyond beyond) : columns
 
 std::span<const float> Scatter::from(std::span<const float> primary, std::span<const float> g_cm2) {
   for (std::size_t i = 0; i < sources_.size(); ++i) sources_[i] = kRatioPer_g_cm2 * primary[i] * g_cm2[i];
-  std::ranges::fill(spread_, 0.0f);
-  std::ranges::fill(result_, 0.0f);
+  std::fill(spread_.begin(), spread_.end(), 0.0f);
+  std::fill(result_.begin(), result_.end(), 0.0f);
   for (int row = 0; row < rows_; ++row)
     for (int from = 0; from < columns_; ++from)
       for (int to = 0; to < columns_; ++to)

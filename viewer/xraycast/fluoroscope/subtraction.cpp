@@ -3,7 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/fluoroscope/pixel_loops.hpp"
+#include "xraycast/display/display_loops.hpp"
 
 #include <algorithm>
 #include <array>
@@ -97,7 +97,7 @@ void Subtraction::move_mask() {
 
 void Subtraction::subtract(std::span<const float> frame, std::span<float> difference) {
   if (mask_frames_ == 0) {
-    std::ranges::fill(difference, 0.0f);
+    std::fill(difference.begin(), difference.end(), 0.0f);
     return;
   }
   if (!is_moved_) move_mask();
@@ -138,7 +138,7 @@ SubtractionWindow automatic_subtraction_window(std::span<const float> difference
   if (difference.empty()) return window;
   std::vector<float> sorted(difference.begin(), difference.end());
   const auto at = sorted.end() - 1 - std::ssize(sorted) / 1000;
-  std::ranges::nth_element(sorted, at);
+  std::nth_element(sorted.begin(), at, sorted.end());
   window.black = std::max(kLeast, *at);
   return window;
 }

@@ -11,20 +11,26 @@ namespace {
 
 /// Linear through the points, and beyond the last as between the last two.
 double interpolated(const std::vector<double>& from, const std::vector<double>& to, double at) {
-  const auto after = std::ranges::upper_bound(from, at);
+  const auto after = std::upper_bound(from.begin(), from.end(), at);
   const std::size_t i = std::clamp<std::ptrdiff_t>(after - from.begin(), 1, std::ssize(from) - 1);
   return std::lerp(to[i - 1], to[i], (at - from[i - 1]) / (from[i] - from[i - 1]));
 }
 
 }  // namespace
 
-WaterPath::WaterPath(const Opacity& opacity) {
-  constexpr double kPaper_per_mm = 0.02, kG_cm2_per_mm = 0.1;
+double water_per_mm(const Opacity& opacity) {
+  constexpr double kPaper_per_mm = 0.02;
   const double in_map = opacity.mu_per_mm(0);
-  const double per_mm = in_map > 0 ? in_map : kPaper_per_mm;
-  tau_ = {0, per_mm};
+  return in_map > 0 ? in_map : kPaper_per_mm;
+}
+
+WaterPath::WaterPath(double water_per_mm) {
+  constexpr double kG_cm2_per_mm = 0.1;
+  tau_ = {0, water_per_mm};
   g_cm2_ = {0, kG_cm2_per_mm};
 }
+
+WaterPath::WaterPath(const Opacity& opacity) : WaterPath(water_per_mm(opacity)) {}
 
 WaterPath::WaterPath(const Spectrum& spectrum) {
   const SpectrumModel model(spectrum, std::span(kMaterials).first(1));

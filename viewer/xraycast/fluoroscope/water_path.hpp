@@ -16,7 +16,10 @@ using RayDepths = std::variant<std::span<const float>, const MaterialDepths*>;
 /// fluoroscope's beam is not the one that they were computed for. Piecewise linear.
 class WaterPath {
  public:
-  /// Water's path by its value in the opacity; 0.02/mm where the opacity leaves water out.
+  /// By water's optical depth a mm.
+  explicit WaterPath(double water_per_mm);
+
+  /// Water's path by its value in the opacity, see water_per_mm.
   explicit WaterPath(const Opacity& opacity);
 
   /// The path of water behind which the spectrum has the optical depth. Throws InputError for a spectrum that
@@ -32,5 +35,8 @@ class WaterPath {
  private:
   std::vector<double> tau_, g_cm2_;
 };
+
+/// Water's optical depth a mm in an opacity; 0.02 where the opacity leaves water out.
+double water_per_mm(const Opacity& opacity);
 
 }  // namespace xraycast

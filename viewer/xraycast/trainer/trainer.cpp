@@ -5,6 +5,7 @@
 #include "xraycast/scene/instrument_curve.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -19,11 +20,26 @@ std::optional<ExerciseProgress> progress_of(const TrainerSetup& setup) {
   return ExerciseProgress(parse_exercise(setup.exercise, "exercise", *setup.tree), *setup.tree);
 }
 
+std::optional<TrainerBody> body_of(const TrainerSetup& setup) {
+  if (setup.motion.modes.empty()) return std::nullopt;
+  return TrainerBody(setup.motion.motion());
+}
+
+Instruments::Options in_body(const std::optional<TrainerBody>& body) {
+  Instruments::Options options;
+  if (body) {
+    options.motion = body->motion();
+    options.phases = body->phases();
+  }
+  return options;
+}
+
 }  // namespace
 
 Trainer::Trainer(TrainerSetup setup)
     : setup_(std::move(setup)),
-      instruments_(*setup_.tree, setup_.instruments(), setup_.entry),
+      body_(body_of(setup_)),
+      instruments_(*setup_.tree, setup_.instruments(), setup_.entry, in_body(body_)),
       couplings_(device_, max_insertions_mm(setup_.instruments())),
       bolus_(*setup_.tree),
       contrast_(*setup_.tree, kAnyAttenuation_per_mm),
@@ -58,22 +74,30 @@ void Trainer::advance(int steps) {
       poses[d] = instruments_.pose(d);
       loads[d] = instruments_.load(d);
     }
-    instruments_.step(couplings_.step({poses.data(), count}, {loads.data(), count}, instruments_.step_s()));
-    count_step();
+    step(couplings_.step({poses.data(), count}, {loads.data(), count}, instruments_.step_s()));
   }
 }
 
 void Trainer::follow(std::span<const HubPose> poses) {
-  instruments_.step(poses);
-  count_step();
+  step(poses);
   for (std::size_t d = 0; d < poses.size(); ++d)
     couplings_.replace(d, instruments_.pose(d), instruments_.max_insertion_mm(d));
 }
 
+void Trainer::step(std::span<const HubPose> poses) {
+  if (body_)
+    instruments_.step(poses, body_->advance(instruments_.step_s()));
+  else
+    instruments_.step(poses);
+  count_step();
+}
+
 void Trainer::count_step() {
-  monitor_.add(
-      instruments_,
-      {.fluoroscopy_s = message_.fluoroscopy_s, .exposures = pulses_, .contrast_ml = message_.injected_ml});
+  monitor_.add(instruments_, {.fluoroscopy_s = message_.fluoroscopy_s,
+                              .exposures = pulses_,
+                              .air_kerma_mGy = air_kerma_mGy_,
+                              .dap_Gycm2 = dap_Gycm2_,
+                              .contrast_ml = message_.injected_ml});
   poses_.push_back(instruments_.time_s());
   for (std::size_t d = 0; d < instruments_.count(); ++d)
     poses_.insert(poses_.end(), {instruments_.pose(d).insertion_mm, instruments_.pose(d).rotation_rad});
@@ -91,8 +115,31 @@ std::string Trainer::message() {
     message_.instruments[d].pose = instruments_.pose(d);
     message_.instruments[d].load = instruments_.load(d);
   }
-  if (hand_.pedal || message_.exposures == 0) expose();
+  const bool is_gate_open = this->is_gate_open();
+  if (message_.exposures == 0 || (is_gate_open && is_pulse_due())) expose();
+  if (body_) body_->tell(message_);
   return packed(message_);
+}
+
+/// Then the next exposure's phases are known.
+bool Trainer::is_gate_open() {
+  if (!body_) return true;
+  const std::optional<std::vector<double>> phases = body_->exposure_phases();
+  exposed_phases_ = phases ? *phases : body_->phases();
+  return phases.has_value();
+}
+
+/// By the simulation's time. Pulses that messages came too late for are not made up for.
+bool Trainer::is_pulse_due() {
+  const double now_s = instruments_.time_s();
+  if (!hand_.pedal) {
+    due_s_ = now_s;
+    return false;
+  }
+  if (pulses_per_s_ <= 0) return true;
+  if (now_s < due_s_) return false;
+  due_s_ = std::max(due_s_ + 1 / pulses_per_s_, now_s + 0.5 / pulses_per_s_);
+  return true;
 }
 
 void Trainer::let_flow() {
@@ -122,6 +169,11 @@ void Trainer::expose() {
     parts_mm.clear();
     for (const std::vector<glm::dvec3>& length_mm : lengths_of(nodes_mm, has_lumen))
       parts_mm.push_back(controls_of(length_mm));
+  }
+  if (body_) {
+    if (hand_.pedal) body_->mark_exposure();
+    message_.modes.resize(exposed_phases_.size());
+    for (std::size_t m = 0; m < exposed_phases_.size(); ++m) message_.modes[m].phase = exposed_phases_[m];
   }
   message_.drums_mg_ml = contrast_.drums_mg_ml(bolus_.iodine_mg_ml());
 }

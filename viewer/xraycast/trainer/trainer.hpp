@@ -7,8 +7,10 @@
 #include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/run_monitor.hpp"
 #include "xraycast/trainer/browser_message.hpp"
+#include "xraycast/trainer/trainer_body.hpp"
 #include "xraycast/trainer/trainer_setup.hpp"
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -22,19 +24,32 @@ struct TrainerHand {
 };
 
 /// Instruments steered by hand in one thread, which its owner steps: a page without a server has it in a
-/// worker, as WebAssembly. What it tells is what a server of a live session tells (docs/web.md), of a body
-/// that is still. It has no clock but its steps, of a millisecond each.
+/// worker, as WebAssembly. What it tells is what a server of a live session tells (docs/web.md), but how
+/// drums of contrast agent move, which the page knows by itself. It has no clock but its steps, of a
+/// millisecond each.
 class Trainer {
  public:
   /// Throws InputError where the instruments do not fit.
   explicit Trainer(TrainerSetup setup);
 
   void hold(const TrainerHand& hand) { hand_ = hand; }
+
+  /// Exposures a second while the pedal is down, the first one at once. Without, one a message.
+  void set_pulse_rate(double per_s) { pulses_per_s_ = per_s; }
+
+  /// What the page's fluoroscope has given by now, for the report.
+  void count_dose(double air_kerma_mGy, double dap_Gycm2) {
+    air_kerma_mGy_ = air_kerma_mGy;
+    dap_Gycm2_ = dap_Gycm2;
+  }
   void hold_next_hub();
   void toggle_valve();
 
   /// Takes one of the choices instead of an instrument, as Instruments::exchange.
   void exchange(std::size_t instrument, std::size_t choice);
+
+  /// Of a body in motion; none where it is still.
+  TrainerBody* body() { return body_ ? &*body_ : nullptr; }
 
   /// So many steps as the hand moves.
   void advance(int steps);
@@ -42,8 +57,8 @@ class Trainer {
   /// A step towards hubs' poses that are given, as of a script; the hand goes on from there.
   void follow(std::span<const HubPose> poses);
 
-  /// The state, and an exposure of it while the pedal is down; at first without. Contrast agent flows until
-  /// then.
+  /// The state, and an exposure of it where one is due; at first without the pedal. Contrast agent flows
+  /// until then.
   std::string message();
 
   const Instruments& instruments() const { return instruments_; }
@@ -54,11 +69,15 @@ class Trainer {
   std::vector<double> take_steps();
 
  private:
+  void step(std::span<const HubPose> poses);
   void count_step();
   void let_flow();
+  bool is_pulse_due();
+  bool is_gate_open();
   void expose();
 
   TrainerSetup setup_;
+  std::optional<TrainerBody> body_;
   Instruments instruments_;
   ManualDevice device_{"hand"};
   HubCouplings couplings_;
@@ -67,8 +86,11 @@ class Trainer {
   RunMonitor monitor_;
   std::vector<double> poses_;  ///< of the steps that were not taken yet
   TrainerHand hand_;
-  double told_s_ = 0;     ///< when the last message was
-  long long pulses_ = 0;  ///< exposures with the pedal down
+  double told_s_ = 0;                    ///< when the last message was
+  double pulses_per_s_ = 0, due_s_ = 0;  ///< 0: at each message; when the next one is
+  std::optional<double> air_kerma_mGy_, dap_Gycm2_;
+  long long pulses_ = 0;                ///< exposures with the pedal down
+  std::vector<double> exposed_phases_;  ///< of the next exposure
   BrowserMessage message_;
 };
 

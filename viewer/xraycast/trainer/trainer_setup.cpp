@@ -1,6 +1,7 @@
 #include "xraycast/trainer/trainer_setup.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/trainer/setup_numbers.hpp"
 
 #include <algorithm>
 #include <string>
@@ -12,39 +13,10 @@ using Range = InstrumentSection::Range;
 
 const char* const kName = "trainer";
 
-/// Takes numbers one after the other.
-class SetupNumbers {
- public:
-  explicit SetupNumbers(std::span<const double> numbers) : left_(numbers) {}
-
-  double real() {
-    if (left_.empty()) throw InputError("{}: its data end early", kName);
-    const double number = left_.front();
-    left_ = left_.subspan(1);
-    return number;
-  }
-  /// At most as many as there are numbers left, so that no list is longer than its data.
-  std::size_t count() {
-    const double number = real();
-    if (!(number >= 0 && number <= static_cast<double>(left_.size())))
-      throw InputError("{}: its data end early", kName);
-    return static_cast<std::size_t>(number);
-  }
-  int index() {
-    constexpr double kMost = 1e6;
-    const double number = real();
-    if (!(number >= -1 && number <= kMost))
-      throw InputError("{}: {} is no number of a branch", kName, number);
-    return static_cast<int>(number);
-  }
-  Range range() {
-    const double at_tip = real();
-    return {at_tip, real()};
-  }
-
- private:
-  std::span<const double> left_;
-};
+Range range_of(SetupNumbers& numbers) {
+  const double at_tip = numbers.real();
+  return {at_tip, numbers.real()};
+}
 
 void add(const Range& range, std::vector<double>& numbers) {
   numbers.push_back(range.at_tip);
@@ -107,9 +79,9 @@ InstrumentModel model_of(SetupNumbers& numbers, const std::string& name) {
   p.sections.resize(numbers.count());
   for (InstrumentSection& section : p.sections) {
     section.length_mm = numbers.real();
-    section.bending_stiffness_Nmm2 = numbers.range();
-    section.torsional_stiffness_Nmm2 = numbers.range();
-    section.curvature_per_mm = numbers.range();
+    section.bending_stiffness_Nmm2 = range_of(numbers);
+    section.torsional_stiffness_Nmm2 = range_of(numbers);
+    section.curvature_per_mm = range_of(numbers);
     section.plane_rad = numbers.real();
   }
   return InstrumentModel(std::move(p), name);
@@ -126,6 +98,7 @@ std::vector<InstrumentModel> TrainerSetup::instruments() const {
 std::vector<double> packed(const TrainerSetup& setup) {
   std::vector<double> numbers;
   add_tree(*setup.tree, numbers);
+  add_motion(setup.motion, numbers);
   const std::vector<double> use = packed_use(setup);
   numbers.insert(numbers.end(), use.begin(), use.end());
   return numbers;
@@ -145,9 +118,10 @@ std::vector<double> packed_use(const TrainerSetup& setup) {
 }
 
 TrainerSetup trainer_setup_of(std::span<const double> packed) {
-  SetupNumbers numbers(packed);
+  SetupNumbers numbers(kName, packed);
   TrainerSetup setup;
   setup.tree = tree_of(numbers);
+  setup.motion = page_motion_of(numbers);
   setup.entry = entry_of(*setup.tree, numbers);
   const std::size_t choices = numbers.count();
   for (std::size_t c = 0; c < choices; ++c)

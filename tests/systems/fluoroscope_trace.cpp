@@ -1,0 +1,83 @@
+// PULSES TRACE: the program's fluoroscope, for comparison with a page's (fluoroscope_page_test.mjs). Takes
+// pulses, one behind the other: 16 doubles, of which the first 12 are what web/native/fluoroscope.cpp takes
+// and then dose level, blades' width (0: open) and height in mm, and whether it subtracts; and optical depths
+// as floats, row 0 on top. Writes of each pulse voltage, mAs, rate of air kerma, air kerma and dose-area
+// product as doubles, its codes, and its greys.
+#include "xraycast/acquisition/console.hpp"
+#include "xraycast/fluoroscope/fluoroscope_request.hpp"
+
+#include <array>
+#include <fstream>
+#include <iostream>
+#include <vector>
+
+namespace {
+
+using Numbers = std::array<double, 16>;
+
+template <typename Values>
+void write(std::ofstream& file, const Values& values) {
+  file.write(reinterpret_cast<const char*>(values.data()),
+             static_cast<std::streamsize>(values.size() * sizeof(*values.data())));
+}
+
+template <typename Values>
+bool read(std::ifstream& file, Values& values) {
+  return static_cast<bool>(file.read(reinterpret_cast<char*>(values.data()),
+                                     static_cast<std::streamsize>(values.size() * sizeof(*values.data()))));
+}
+
+xraycast::View view_of(const Numbers& n) {
+  xraycast::View view{.lao_rad = n[0],
+                      .cranial_rad = n[1],
+                      .centre_mm = {n[2], n[3], n[4]},
+                      .width = static_cast<int>(n[5]),
+                      .height = static_cast<int>(n[6]),
+                      .pixel_mm = n[7]};
+  if (n[8] > 0) view.cone = xraycast::Cone{n[8], n[9]};
+  return view;
+}
+
+void set(xraycast::FluoroscopyConsole& console, const Numbers& n) {
+  while (console.options().dose != static_cast<xraycast::DoseLevel>(n[12])) console.next_dose();
+  xraycast::FluoroscopyOptions options = console.options();
+  const double width_mm = options.collimation ? options.collimation->width_mm : 0,
+               height_mm = options.collimation ? options.collimation->height_mm : 0;
+  if (width_mm != n[13] || (n[13] > 0 && height_mm != n[14])) {
+    options.collimation.reset();
+    if (n[13] > 0) options.collimation = xraycast::Collimation{n[13], n[14]};
+    console.set(std::move(options));
+  }
+  console.subtract(n[15] != 0);
+}
+
+}  // namespace
+
+int main(int count, char** words) {
+  constexpr double kWater_per_mm = 0.02;
+  if (count != 3) return 2;
+  try {
+    xraycast::FluoroscopyConsole console(xraycast::options_of(xraycast::FluoroscopeRequest{}));
+    const xraycast::WaterPath path(kWater_per_mm);
+    std::ifstream pulses(words[1], std::ios::binary);
+    std::ofstream trace(words[2], std::ios::binary);
+    for (Numbers n{}; read(pulses, n);) {
+      const xraycast::View view = view_of(n);
+      std::vector<float> rays(static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height));
+      if (!read(pulses, rays)) return 1;
+      set(console, n);
+      if (n[11] >= 0) console.is_due(false, n[11]);
+      console.is_due(true, 0);
+      console.expose(rays, view, path);
+      const xraycast::DoseRecord dose = console.dose();
+      write(trace, std::array{1.0 * console.technique().kvp, console.technique().mas, console.kerma_rate(),
+                              dose.air_kerma_mGy, dose.dap_Gycm2});
+      write(trace, console.codes());
+      write(trace, console.image());
+    }
+    return trace.flush() ? 0 : 1;
+  } catch (const std::exception& error) {
+    std::cerr << error.what() << '\n';
+    return 1;
+  }
+}

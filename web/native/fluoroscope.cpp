@@ -1,0 +1,136 @@
+// What a page's worker calls of the fluoroscope, which `./dev page` compiles to WebAssembly (docs/web.md).
+// One is open at a time. Functions that can fail return null, or a line that says why and stays until the
+// next call.
+#include "tube_beam.hpp"
+#include "xraycast/acquisition/console.hpp"
+
+#include <cstdint>
+#include <emscripten/emscripten.h>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace {
+
+std::vector<double> numbers;
+std::vector<float> rays;
+std::optional<xraycast::FluoroscopyConsole> console;
+std::optional<xraycast::WaterPath> path;
+xraycast::DoseRecord skipped;  // of pulses that were given and not drawn
+std::string text;
+
+template <typename Action>
+const char* failure_of(const Action& action) {
+  try {
+    action();
+    return nullptr;
+  } catch (const std::exception& error) {
+    text = error.what();
+    return text.c_str();
+  }
+}
+
+xraycast::View view_of_numbers() {
+  xraycast::View view{.lao_rad = numbers[0],
+                      .cranial_rad = numbers[1],
+                      .centre_mm = {numbers[2], numbers[3], numbers[4]},
+                      .width = static_cast<int>(numbers[5]),
+                      .height = static_cast<int>(numbers[6]),
+                      .pixel_mm = numbers[7]};
+  if (numbers[8] > 0) view.cone = xraycast::Cone{numbers[8], numbers[9]};
+  return view;
+}
+
+/// Pulses that a slow device does not draw are given all the same, with the technique of the one that it
+/// draws.
+void count_skipped(const xraycast::DoseRecord& before, double pulses) {
+  const xraycast::DoseRecord now = console->dose();
+  skipped.air_kerma_mGy += pulses * (now.air_kerma_mGy - before.air_kerma_mGy);
+  skipped.dap_Gycm2 += pulses * (now.dap_Gycm2 - before.dap_Gycm2);
+  skipped.images += static_cast<long long>(pulses) * (now.images - before.images);
+}
+
+void tell() {
+  const xraycast::DoseRecord dose = console->dose();
+  const xraycast::Technique technique = console->technique();
+  numbers = {1.0 * technique.kvp,
+             technique.mas,
+             console->kerma_rate(),
+             dose.air_kerma_mGy + skipped.air_kerma_mGy,
+             dose.dap_Gycm2 + skipped.dap_Gycm2,
+             static_cast<double>(dose.images + skipped.images),
+             console->is_saturated() ? 1.0 : 0.0,
+             console->is_masking() ? 1.0 : 0.0,
+             console->has_angiogram() ? 1.0 : 0.0};
+}
+
+}  // namespace
+
+extern "C" {
+
+/// Room for so many numbers, which the next call takes.
+EMSCRIPTEN_KEEPALIVE double* fluoroscope_room(std::size_t count) {
+  numbers.resize(count);
+  return numbers.data();
+}
+
+/// Takes the setup (viewer/xraycast/trainer/fluoroscope_setup.hpp).
+EMSCRIPTEN_KEEPALIVE const char* fluoroscope_open() {
+  return failure_of([] {
+    xraycast::FluoroscopeSetup setup = xraycast::fluoroscope_setup_of(numbers);
+    xraycast::set_page_beams(std::move(setup.beams));
+    path.emplace(setup.water_per_mm);
+    skipped = {};
+    console.emplace(std::move(setup.options));
+  });
+}
+
+/// Room for the optical depths of the next pulse, row 0 on top.
+EMSCRIPTEN_KEEPALIVE float* fluoroscope_rays(std::size_t pixels) {
+  rays.resize(pixels);
+  return rays.data();
+}
+
+/// The dose level: 0 low, 1 normal, 2 cine.
+EMSCRIPTEN_KEEPALIVE void fluoroscope_dose(int level) {
+  for (int k = 0; k < 3 && console->options().dose != static_cast<xraycast::DoseLevel>(level); ++k)
+    console->next_dose();
+}
+
+/// Opening between the blades in mm at the isocentre; a width of 0: they are open.
+EMSCRIPTEN_KEEPALIVE const char* fluoroscope_blades(double width_mm, double height_mm) {
+  return failure_of([&] {
+    xraycast::FluoroscopyOptions options = console->options();
+    const auto [source_axis_mm, source_detector_mm] = options.c_arm.distances;
+    const double larger = source_detector_mm / source_axis_mm;
+    options.collimation.reset();
+    if (width_mm > 0) options.collimation = xraycast::Collimation{larger * width_mm, larger * height_mm};
+    console->set(std::move(options));
+  });
+}
+
+EMSCRIPTEN_KEEPALIVE void fluoroscope_subtract(bool subtracts) { console->subtract(subtracts); }
+EMSCRIPTEN_KEEPALIVE void fluoroscope_new_mask() { console->take_new_mask(); }
+
+/// A pulse through the rays. The room holds the C-arm's angles in rad, the centre in mm, width, height and
+/// size in mm of pixels, distances of the cone or 0, the pulses since the last one that was drawn, and the
+/// pause before it in s, below 0 where there was none. Then it holds voltage in kV, mAs, the rate of air
+/// kerma in mGy/min; air kerma in mGy, dose-area product in Gy cm2 and recorded images of all pulses; and 1
+/// where the detector is saturated, a mask is taken, and vessels were opacified.
+EMSCRIPTEN_KEEPALIVE const char* fluoroscope_expose() {
+  return failure_of([] {
+    const double pulses = numbers[10], pause_s = numbers[11];
+    if (pause_s >= 0) console->is_due(false, pause_s);
+    console->is_due(true, 0);
+    const xraycast::DoseRecord before = console->dose();
+    console->expose(rays, view_of_numbers(), *path);
+    count_skipped(before, pulses - 1);
+    tell();
+  });
+}
+
+/// The picture of the last pulse: greys, and what the detector sent of it.
+EMSCRIPTEN_KEEPALIVE const std::uint8_t* fluoroscope_image() { return console->image().data(); }
+EMSCRIPTEN_KEEPALIVE const std::uint16_t* fluoroscope_codes() { return console->codes().data(); }
+
+}  // extern "C"

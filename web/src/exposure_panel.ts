@@ -1,0 +1,103 @@
+// The fluoroscope's controls on the page, and what it has given.
+import { ConsoleSettings, Exposed, kDoses } from "./fluoroscope";
+import { fixed } from "./fixed";
+import { clamp } from "./vectors";
+
+const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+
+const kLeast_mm = 20; // between the blades
+const kStep = 0.9; // of a key
+
+type Blades = ConsoleSettings["blades_mm"];
+
+/** What the panel is connected with. */
+export interface ExposureActions {
+  set(settings: ConsoleSettings): void;
+  take_new_mask(): void;
+  /** The picture's width and height in mm at the isocentre. */
+  field_mm(): readonly [number, number];
+}
+
+export class ExposurePanel {
+  private settings: ConsoleSettings;
+  private exposed: Exposed | null = null;
+  private readonly sliders = (["blades-width", "blades-height"] as const).map((id) => element<HTMLInputElement>(id));
+
+  constructor(first: ConsoleSettings, private readonly actions: ExposureActions) {
+    this.settings = first;
+    for (const id of ["exposure-buttons", "dose-readout"]) element(id).hidden = false;
+    const dose = element<HTMLSelectElement>("dose");
+    dose.append(...kDoses.map((name, level) => new Option(name, String(level))));
+    dose.addEventListener("change", () => this.set({ dose: Number(dose.value) }));
+    element("subtract").addEventListener("click", () => this.set({ subtracts: !this.settings.subtracts }));
+    element("new-mask").addEventListener("click", () => actions.take_new_mask());
+    for (const slider of this.sliders) slider.addEventListener("input", () => this.set_blades(this.sliders.map(({ value }) => Number(value))));
+    this.show_settings();
+  }
+
+  /** Whether it was a key of these controls. */
+  takes(key: string): boolean {
+    const keys: Record<string, () => void> = {
+      d: () => this.set({ dose: (this.settings.dose + 1) % kDoses.length }), s: () => this.set({ subtracts: !this.settings.subtracts }), n: () => this.actions.take_new_mask(),
+      "[": () => this.narrow(kStep, 1), "]": () => this.narrow(1 / kStep, 1), "{": () => this.narrow(1, kStep), "}": () => this.narrow(1, 1 / kStep),
+    };
+    keys[key]?.();
+    return key in keys;
+  }
+
+  show(exposed: Exposed): void {
+    this.exposed = exposed;
+    this.show_readout();
+  }
+
+  /** After the picture shows another field. */
+  show_settings(): void {
+    const { dose, subtracts, blades_mm } = this.settings, field_mm = this.actions.field_mm();
+    element<HTMLSelectElement>("dose").value = String(dose);
+    element("subtract").setAttribute("aria-pressed", String(subtracts));
+    element("new-mask").hidden = !subtracts;
+    this.sliders.forEach((slider, axis) => {
+      const most = Math.max(kLeast_mm + 1, Math.round(field_mm[axis]!));
+      Object.assign(slider, { min: String(kLeast_mm), max: String(most), value: String(blades_mm?.[axis] ?? most) });
+      slider.setAttribute("aria-valuetext", blades_mm ? `${Math.round(blades_mm[axis]!)} mm` : "open");
+    });
+    this.show_readout();
+  }
+
+  private narrow(across: number, along: number): void {
+    const [width_mm, height_mm] = this.settings.blades_mm ?? this.actions.field_mm();
+    this.set_blades([across * width_mm, along * height_mm]);
+  }
+
+  /** Blades that leave the picture's field free are open. */
+  private set_blades(wanted_mm: readonly number[]): void {
+    const field_mm = this.actions.field_mm(), [width_mm, height_mm] = wanted_mm.map((mm, axis) => clamp(mm, kLeast_mm, Math.max(kLeast_mm, field_mm[axis]!))) as [number, number];
+    const is_open = width_mm >= field_mm[0] - 1 && height_mm >= field_mm[1] - 1;
+    this.set({ blades_mm: is_open ? null : [width_mm, height_mm] });
+  }
+
+  private set(change: Partial<ConsoleSettings>): void {
+    this.settings = { ...this.settings, ...change };
+    this.show_settings();
+    this.actions.set(this.settings);
+  }
+
+  private show_readout(): void {
+    element("dose-readout").textContent = [...(this.exposed ? words_of_dose(this.exposed) : []), ...this.words_of_settings].join("  ·  ");
+  }
+
+  private get words_of_settings(): string[] {
+    const { subtracts, blades_mm } = this.settings, is_masking = this.exposed?.is_masking ?? true;
+    return [...(subtracts ? [is_masking ? "subtraction: hold the pedal for the mask" : "subtraction"] : []), ...words_of_blades(blades_mm)];
+  }
+}
+
+const words_of_blades = (blades_mm: Blades): string[] => (blades_mm ? [`blades ${Math.round(blades_mm[0])} × ${Math.round(blades_mm[1])} mm`] : []);
+
+const words_of_dose = ({ kvp, mas, kerma_mGy_min, air_kerma_mGy, dap_Gycm2, images, is_saturated }: Exposed): string[] => [
+  `${kvp} kVp, ${significant(mas)} mAs${is_saturated ? ", detector saturated" : ""}`, `${significant(kerma_mGy_min)} mGy/min`, `air kerma ${significant(air_kerma_mGy)} mGy`,
+  `dose-area product ${significant(dap_Gycm2)} Gy cm²`, ...(images > 0 ? [`${fixed(images, 0)} images recorded`] : []),
+];
+
+/** Three digits, without exponents. */
+const significant = (value: number): string => (value > 0 ? value.toFixed(Math.max(0, Math.min(4, 2 - Math.floor(Math.log10(value))))) : "0");
