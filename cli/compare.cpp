@@ -11,6 +11,7 @@
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/reports/comparison_report.hpp"
 #include "xraycast/scan/scan.hpp"
+#include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/scene.hpp"
 
 #include <fmt/format.h>
@@ -133,12 +134,11 @@ MotionRequest instant_of_scan(const CompareArguments& options, const CompareRequ
 }
 
 /// Maps of another scan may have the same grid: those that name another file than the scan's.
-std::vector<std::string> notes_on_sources(const CompareRequest& request, const std::string& scan) {
-  std::filesystem::path path = std::filesystem::path(scan).lexically_normal();
-  if (!path.has_filename()) path = path.parent_path();
+std::vector<std::string> notes_on_sources(const CompareRequest& request, const std::string& scan,
+                                          const std::string& format) {
   std::vector<std::string> notes;
   for (const auto& [map, name] : request.maps)
-    if (map->source.find(path.filename().string()) == std::string::npos)
+    if (!may_be_source(map->source, scan, format))
       notes.push_back(
           fmt::format("{}: was cast from {}; the figures are only right where {} is the same scan", name,
                       map->source.empty() ? "an unnamed scan" : excerpt(map->source), scan));
@@ -162,7 +162,7 @@ void compare_maps(const CompareArguments& options, Invocation& invocation) {
   const std::string scan_name = options.input + motion.suffix();
   Scan scan = open_scan(options.input, options.scan, invocation.progress);
   check(request, scan.source->geometry(), scan_name);
-  invocation.say(notes_on_sources(request, options.input));
+  invocation.say(notes_on_sources(request, options.input, scan.info.format));
   scan = moved(std::move(scan), motion, invocation.progress);
   invocation.say_about(scan.info);
   if (!options.pictures.empty()) make_picture_folder(options);

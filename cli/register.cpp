@@ -129,12 +129,9 @@ Found find(ComputeDevice& device, const Volume& scan, const std::vector<std::uin
            const RegisterRequest& request, const std::vector<std::vector<Xray>>& films,
            Invocation& invocation) {
   Registrar registrar(device, scan, mask, request);
-  Found found;
-  for (std::size_t f = 0; f < films.front().size(); ++f)
-    found.frames.push_back(
-        f == 0 ? registrar.find(frame_of(films, f), invocation.progress)
-               : registrar.follow(frame_of(films, f), found.frames.back(), invocation.progress));
-  return found;
+  std::vector<std::vector<Xray>> frames;
+  for (std::size_t f = 0; f < films.front().size(); ++f) frames.push_back(frame_of(films, f));
+  return {.frames = registrar.track(frames, invocation.progress)};
 }
 
 Json rows(const glm::dmat3& rotation, const glm::dvec3& translation) {
@@ -216,7 +213,7 @@ void register_scan(const RegisterArguments& options, Invocation& invocation) {
     else
       mirror(scan);
   }
-  invocation.say(found.frames.back().notes);
+  invocation.say(notes_of(found.frames));
   const Json result = json_of(found);
   OutputSet outputs;
   write_whole_file(options.output, result.dump(2) + "\n");

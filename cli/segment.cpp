@@ -173,6 +173,7 @@ void segment(const SegmentArguments& options, Invocation& invocation) {
   std::vector<const char*> files(kVesselFiles.begin(), kVesselFiles.end());
   files.push_back("report.png");
   check_folder(options.folder, files, "-o " + options.folder);
+  check_names(options.folder);
   const Scan scan = open_scan(options.input, options.scan, invocation.progress);
   invocation.say_about(scan.info);
   const Volume volume = collect(*scan.source, invocation.progress, options.input);

@@ -11,7 +11,6 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/printable.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
@@ -226,12 +225,11 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
 }
 
 void simulate(SimulateArguments options, Invocation& invocation) {
-  const std::optional<Exercise> exercise = parse_exercise_option(options.exercise, options.tree, options.run);
+  const std::optional<Exercise> exercise =
+      parse_exercise_option(*options.command, options.exercise, options.tree, options.run);
+  if (exercise) take_reference(*exercise, options.exercise, options.run);
   check_writable(options.log);
-  if (!options.report.empty()) {
-    check_report_name(options.report, "--report " + options.report);
-    check_writable(options.report);
-  }
+  check_report_option(options.report);
   for (const fs::path& path : plots_of(options)) check_picture_name(path, "--plot " + path.string());
   check_cine(options);
   RunRequest request = parse_run(options.run, options.tree);
@@ -262,9 +260,7 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   for (std::size_t d = 0; d < plots.size(); ++d)
     write_picture(hub_plot(request.instruments[d].name() + ": at the hub", samples.records(), d), plots[d]);
   if (cine) cine->finish();
-  if (!options.report.empty())
-    write_runs(options.report, {SavedRun::parse(monitor->json(true),
-                                                printable_line(fs::path(options.report).stem().string()))});
+  if (!options.report.empty()) write_report(options.report, monitor->json(true));
   outputs.commit();
 
   Json result = json_of(run, request, options, wall_s);
@@ -332,13 +328,11 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
                    "The log: one row per row of the script, with the hub's force in N and torque in N m")
       ->required()
       ->type_name("CSV");
-  add_exercise_option(*command, options->exercise);
-  command
-      ->add_option(
-          "--report", options->report,
-          "What the instruments did, in figures (docs/exercises.md): as a page with plots, a table, or "
-          "JSON, which `xraycast report` takes")
-      ->type_name("HTML|CSV|JSON");
+  add_exercise_option(*command, options->exercise,
+                      "A task whose progress is counted (docs/exercises.md). Its instruments, entry and "
+                      "reference run are those of --device-model, --entry and --script where these are not "
+                      "given");
+  add_report_option(*command, options->report, "What the instruments did");
   add_body_options(
       *command, options->run.body,
       "How the body moves about the instruments: a motion.json of displacement fields, whose 0 s are "

@@ -92,6 +92,7 @@ void vessels(const VesselsArguments& options, Invocation& invocation) {
   std::vector<const char*> files(kVesselFiles.begin(), kVesselFiles.end());
   files.push_back("report.png");
   check_folder(options.folder, files, "-o " + options.folder);
+  check_names(options.folder);
   const LikeScan like = read_like(options, invocation);
   Vessels found = given_vessels(request, like.voxels(), invocation.progress);
   write_all(found, like, options, invocation);

@@ -14,7 +14,14 @@ packages_of() {  # the packages of the named sections of packages.txt, without p
     grep -vxE 'cmake|g\+\+|git|ninja-build|pkg-config'
 }
 
+made=$folder/root-is-of-arm64.sh  # else what is there is another's, and stays
 if [ ! -e "$root/usr/lib/aarch64-linux-gnu/liblapack.so.3" ]; then
+  if [ -e "$root" ] && [ ! -e "$made" ]; then
+    echo "arm64.sh: $root is there and was not made by this script; name another FOLDER" >&2
+    exit 2
+  fi
+  mkdir -p "$folder"
+  touch "$made"
   rm -rf "$root"
   mmdebstrap --quiet --mode=root --variant=extract --architectures=arm64 --hook-dir=/usr/share/mmdebstrap/hooks/merged-usr \
     --include="$(packages_of build | paste -sd,),libstdc++-12-dev,libgtest-dev,libgmock-dev,librapidcheck-dev,libtiff-dev" \

@@ -110,6 +110,12 @@ class HeldInstruments {
 
   void exchange(std::size_t instrument, const InstrumentModel& model) {
     const auto lock = locked();
+    if (const ExerciseProgress* progress = monitor_.progress()) {
+      std::vector<InstrumentModel> models;
+      for (std::size_t d = 0; d < count(); ++d)
+        models.push_back(d == instrument ? model : instruments_.rod(d).instrument());
+      check_allowed(progress->exercise(), models);
+    }
     instruments_.exchange(instrument, model);
     monitor_.exchanged(instrument, instruments_, model.name());
     const std::lock_guard shown(shown_mutex_);
@@ -383,9 +389,10 @@ void add_instruments(nb::module_& module) {
       .def_prop_ro("states", &HeldInstruments::states, nb::call_guard<nb::gil_scoped_release>())
       .def("nodes_mm", nodes_of, nb::arg("instrument"), kShared,
            "An instrument from the introducer to its tip, (nodes, 3) float64, mm, LPS; a new array.")
-      .def("exchange", exchange_instrument, nb::arg("instrument"), nb::arg("model").none(),
-           "Replaces an instrument that is drawn back to an insertion of at most 1 mm by another model. The "
-           "others stay.")
+      .def(
+          "exchange", exchange_instrument, nb::arg("instrument"), nb::arg("model").none(),
+          "Replaces an instrument that is drawn back to an insertion of at most 1 mm by another model, in an "
+          "exercise by one that it allows. The others stay.")
       .def(
           "has_free_lumen",
           [](HeldInstruments& d, int instrument) {

@@ -3,7 +3,7 @@
 #include "calls/job.hpp"
 #include "calls/values.hpp"
 #include "drawing.hpp"
-#include "scan.hpp"
+#include "scans/scan.hpp"
 #include "xraycast/acquisition/compare_request.hpp"
 #include "xraycast/reports/comparison_report.hpp"
 #include "xraycast/scene/same_scan.hpp"

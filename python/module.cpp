@@ -6,9 +6,10 @@
 #include "drawing.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
-#include "registration.hpp"
 #include "run.hpp"
-#include "scan.hpp"
+#include "scans/registration.hpp"
+#include "scans/scan.hpp"
+#include "scans/similarity.hpp"
 #include "scene.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
@@ -106,6 +107,7 @@ NB_MODULE(_core, module) {
   add_catheter(module);
   add_run(module);
   add_registration(module);
+  add_similarities(module);
   add_export(module);
   module.def("devices", devices, "The names of the OpenCL devices, in the order of their numbers.");
   module.def("use_device", choose_device, nb::arg("name"), nb::call_guard<nb::gil_scoped_release>(),

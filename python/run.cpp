@@ -6,7 +6,7 @@
 #include "calls/monitoring.hpp"
 #include "calls/run_records.hpp"
 #include "calls/values.hpp"
-#include "motion.hpp"
+#include "scans/motion.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/reports/hub_plot.hpp"

@@ -2,8 +2,9 @@
 
 #include "calls/arguments.hpp"
 #include "calls/job.hpp"
+#include "calls/monitoring.hpp"
 #include "calls/values.hpp"
-#include "scan.hpp"
+#include "scans/scan.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/given_vessels/given_vessels.hpp"
@@ -188,6 +189,17 @@ void add_tree(nb::module_& module) {
             return branches_named(*t.tree, name, fmt::format("name \"{}\"", name));
           },
           nb::arg("name"), "The numbers of the branches of that name, in any case of letters.")
+      .def(
+          "exercise",
+          [](const HeldTree& t, const PathArgument& path) {
+            return exercise_object(read_exercise(path_of(path), *t.tree), *t.tree);
+          },
+          nb::arg("path"),
+          "A task in this tree (docs/exercises.md) of a file, checked, as a dict: title, task, instruments "
+          "and "
+          "devices, presets or files; targets, of each its name, where it is (branch, arc_length_mm, at_mm, "
+          "radius_mm), and whose tip is to reach it (instrument: 0 for the outermost; None: any); forbidden, "
+          "of each name and branches; limits; and reference, a script or None.")
       .def_prop_ro(
           "branches",
           [](const HeldTree& t) {

@@ -1,15 +1,18 @@
 #include "options/command.hpp"
+#include "options/exercise_options.hpp"
 #include "options/fluoroscope_options.hpp"
 #include "options/motion_options.hpp"
 #include "options/run_options.hpp"
 #include "options/scene_options.hpp"
 #include "options/view_options.hpp"
+#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stderr_log.hpp"
 #include "xraycast/drawing/still_picture.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/network/listen_address.hpp"
+#include "xraycast/reports/run_comparison.hpp"
 #include "xraycast/scene/map_motion.hpp"
 #include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/session_map.hpp"
@@ -30,7 +33,7 @@ namespace xraycast::cli {
 namespace {
 
 struct ServeArguments {
-  std::string map, vessels, session, listen, haptic;
+  std::string map, vessels, session, listen, haptic, exercise, report;
   RunOptions run{.instrument_models = {"cobra-5f"}};
   std::optional<std::string> web;  // an address
   std::vector<std::string> web_hosts;
@@ -40,6 +43,7 @@ struct ServeArguments {
   ViewOptions view;
   GreyOptions grey;
   FluoroscopeArguments fluoroscope;
+  const CLI::App* command = nullptr;
 
   bool is_scripted() const { return !run.script.empty(); }
   bool is_browsers_hub() const { return !is_scripted() && (haptic == "browser" || (haptic.empty() && web)); }
@@ -122,8 +126,9 @@ std::shared_ptr<IgtlinkDevice> open_server(const ServeArguments& options) {
 }
 
 Intervention::Options steering_of(const ServeArguments& options, const RunRequest& request,
+                                  const std::optional<Exercise>& exercise,
                                   const std::shared_ptr<IgtlinkDevice>& server) {
-  Intervention::Options steering{.run = request};
+  Intervention::Options steering{.run = request, .exercise = exercise};
   steering.make_device = [server, is_steered = options.is_steered()]() -> std::unique_ptr<HapticDevice> {
     if (is_steered) return hubs_of(server);
     return std::make_unique<ManualDevice>("none");
@@ -179,17 +184,21 @@ void report_served(const Invocation& invocation, const LiveSession& live, const 
               {"most_clients", clients.most_at_once},
               {"pictures_sent", clients.images_sent}};
   if (web) result["most_browsers"] = browsers;
+  const LiveMonitor& monitor = intervention.run().monitor();
+  if (const std::string report = monitor.json(false); !report.empty()) result["report"] = Json::parse(report);
+  const std::string exercise = intervention.exercise() ? monitor.words() + "\n" : "";
   invocation.report(
       result,
-      fmt::format("{}, {:.2f} % late; {} of the session; OpenIGTLink: {} drawn, {} sent to {}{}\n",
-                  pluralize(timing.steps, "step"), late_percent, pluralize(live.counts().frames, "frame"),
-                  pluralize(live.counts().pictures, "picture"), clients.images_sent,
-                  pluralize(clients.clients, "client"),
+      fmt::format("{}{}, {:.2f} % late; {} of the session; OpenIGTLink: {} drawn, {} sent to {}{}\n",
+                  exercise, pluralize(timing.steps, "step"), late_percent,
+                  pluralize(live.counts().frames, "frame"), pluralize(live.counts().pictures, "picture"),
+                  clients.images_sent, pluralize(clients.clients, "client"),
                   web ? fmt::format("; web page: up to {} at once", pluralize(browsers, "browser")) : ""));
 }
 
-void serve(const ServeArguments& options, Invocation& invocation) {
+void serve(ServeArguments options, Invocation& invocation) {
   check_device(options);
+  check_report_option(options.report);
   const auto web_options = parse_web(options);
   const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
   if (fluoroscopy && (options.grey.gamma || options.grey.inverted))
@@ -200,7 +209,10 @@ void serve(const ServeArguments& options, Invocation& invocation) {
   const View detector = resolve_detector(options, scene, bounds);
 
   const CArmPose pose = resolve_pose(options, scene, detector);
+  const std::optional<Exercise> exercise =
+      parse_exercise_option(*options.command, options.exercise, scene.vessels, options.run);
   RunRequest request = parse_run(options.run, scene.vessels);
+  if (exercise) apply(*exercise, options.run, request);
   std::vector<std::string> notes_on_motion;
   add_motion(*map, request.body, notes_on_motion);
   const std::vector<std::string> notes = check(request);
@@ -214,7 +226,7 @@ void serve(const ServeArguments& options, Invocation& invocation) {
   invocation.say(notes_on_motion);
   invocation.say(notes);
   const auto server = open_server(options);
-  Intervention intervention(steering_of(options, request, server));
+  Intervention intervention(steering_of(options, request, exercise, server));
   std::unique_ptr<WebOutlet> web;
   if (page) web = open_web(*web_options, std::move(*page), bounds);
   give_way();  // after the servers' threads
@@ -231,7 +243,9 @@ void serve(const ServeArguments& options, Invocation& invocation) {
   // Also with --quiet: nobody else knows the page's token, nor a port that the system chose.
   if (web) log_to_stderr(fmt::format("open {} in a browser", web->server().page_address()));
   log_to_stderr(fmt::format("serving OpenIGTLink at {}; Ctrl+C ends it", to_string(server->address())));
+  const OutputSeries files;  // the signal that ends it is no reason to leave the report out
   live.run(options.rate_hz, invocation.progress);
+  if (!options.report.empty()) write_report(options.report, intervention.run().monitor().json(true));
   report_served(invocation, live, intervention, *server, web ? &web->server() : nullptr);
   invocation.is_ended_by_signal = true;
 }
@@ -248,8 +262,11 @@ void add_serve(CLI::App& app, Invocation& invocation) {
       "  xraycast serve map.exr --vessels vessels --device-model cobra-5f --device-model guidewire-035-j "
       "--web\n"
       "  xraycast serve map.exr --vessels vessels --script push.csv --listen 0.0.0.0:18944\n"
-      "  xraycast serve moving.exr --vessels vessels --web --motion-speed 0.5",
+      "  xraycast serve moving.exr --vessels vessels --web --motion-speed 0.5\n"
+      "  xraycast serve map.exr --vessels thorax-truth --web --report run.html \\\n"
+      "    --exercise examples/exercises/1-left-renal.json",
       [options, &invocation] { serve(*options, invocation); });
+  options->command = command;
   command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
   command
       ->add_option("--vessels", options->vessels,
@@ -264,6 +281,11 @@ void add_serve(CLI::App& app, Invocation& invocation) {
       ->check(CLI::IsMember({"openigtlink", "browser", "script", "none"}))
       ->type_name("DEVICE");
   add_script_option(*command, options->run, "A script that moves the hub (see `xraycast simulate`)");
+  add_exercise_option(
+      *command, options->exercise,
+      "A task to do (docs/exercises.md), whose progress clients are told. Its instruments and "
+      "entry are those of --device-model and --entry where these are not given");
+  add_report_option(*command, options->report, "Written as the session ends: what the instruments did");
   add_body_options(*command, options->run.body,
                    "How the body moves: the motion.json by which the map was cast; a map that moves names it",
                    false);

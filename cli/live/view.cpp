@@ -1,5 +1,6 @@
 #include "options/angiography_options.hpp"
 #include "options/command.hpp"
+#include "options/exercise_options.hpp"
 #include "options/fluoroscope_options.hpp"
 #include "options/motion_options.hpp"
 #include "options/run_options.hpp"
@@ -20,7 +21,7 @@ namespace xraycast::cli {
 namespace {
 
 struct ViewArguments {
-  std::string map, scan, basis, session;
+  std::string map, scan, basis, session, exercise, report;
   SceneOptions scene;
   bool simulate = false;
   RunOptions run{.instrument_models = {"cobra-5f"}};
@@ -29,7 +30,7 @@ struct ViewArguments {
   SubtractionOptions subtraction;
   const CLI::App* command = nullptr;
 
-  bool has_run() const { return simulate || !run.script.empty(); }
+  bool has_run() const { return simulate || !run.script.empty() || !exercise.empty(); }
 };
 
 ViewSession resolve(const ViewArguments& options) {
@@ -48,8 +49,13 @@ Intervention::Options simulation_of(const ViewArguments& options, const ViewSess
   if (scene.vessels.empty())
     throw InputError("--simulate: give --vessels, a folder that `xraycast segment` wrote");
   if (!options.listen.empty()) for_option("--listen", [&] { return parse_listen_address(options.listen); });
+  RunOptions run = options.run;
+  std::optional<Exercise> exercise =
+      parse_exercise_option(*options.command, options.exercise, scene.vessels, run);
   Intervention::Options simulation{
-      .run = parse_run(options.run, scene.vessels), .haptic = options.haptic, .listen = options.listen};
+      .run = parse_run(run, scene.vessels), .haptic = options.haptic, .listen = options.listen};
+  if (exercise) apply(*exercise, run, simulation.run);
+  simulation.exercise = std::move(exercise);
   BodyRequest& body = simulation.run.body;
   if (body.motion) return simulation;
   const std::filesystem::path named =
@@ -70,8 +76,9 @@ bool may_move(const ViewSession& scene) {
 
 void view(const ViewArguments& options, const Invocation& invocation) {
   if (!options.has_run())
-    check_not_given(*options.command, {"--device-model", "--entry", "--haptic", "--listen"},
+    check_not_given(*options.command, {"--device-model", "--entry", "--haptic", "--listen", "--report"},
                     "without a run; leave it out or give --simulate too");
+  check_report_option(options.report);
   ViewSession scene = resolve(options);
   std::optional<Intervention::Options> simulation;
   std::optional<FluoroscopyOptions> fluoroscopy = parse_fluoroscope(options.fluoroscope);
@@ -89,7 +96,8 @@ void view(const ViewArguments& options, const Invocation& invocation) {
     if (body.motion || !may_move(scene)) matching_of(options.subtraction, body.motion.get());
   }
   const OutputSeries files;
-  run_viewer(scene, invocation.device, invocation.progress, simulation, fluoroscopy, body, mask_phase);
+  run_viewer(scene, invocation.device, invocation.progress, simulation, fluoroscopy, body, mask_phase,
+             options.report);
   invocation.progress.check();  // a signal closed it
 }
 
@@ -104,6 +112,8 @@ void add_view(CLI::App& app, Invocation& invocation) {
       "  xraycast view map.exr --vessels vessels --simulate --device-model simmons2-5f\n"
       "  xraycast view map.exr --vessels vessels --simulate --c-arm mobile-flat-panel --dose low\n"
       "  xraycast view moving.exr --vessels vessels --simulate --gate heart=0.75\n"
+      "  xraycast view map.exr --vessels thorax-truth --exercise examples/exercises/1-left-renal.json \\\n"
+      "    --report monday.json\n"
       "  xraycast view --session operation.json",
       [options, &invocation] { view(*options, invocation); });
   options->command = command;
@@ -129,6 +139,13 @@ void add_view(CLI::App& app, Invocation& invocation) {
   add_body_options(*command, options->run.body,
                    "How the body moves: the motion.json by which the map was cast; a map that moves names it",
                    false);
+  add_exercise_option(*command, options->exercise,
+                      "A task to do (docs/exercises.md): the window shows it and what became of it. Its "
+                      "instruments and entry are those of --device-model and --entry where these are not "
+                      "given. As --simulate");
+  add_report_option(*command, options->report,
+                    "Written as the window closes, and by Ctrl+R: what the instruments did since the last "
+                    "restart");
   add_mask_phase_option(*command, options->subtraction);
   add_fluoroscope_options(*command, options->fluoroscope);
   command->add_option("--session", options->session, "A session saved with Ctrl+S; other options override it")

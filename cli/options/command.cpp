@@ -44,8 +44,8 @@ bool is_one_file(const std::string& a, const std::string& b) {
 
 /// Throws InputError when an output has the path of an input or of another output.
 void check_outputs_apart(const CLI::App& command) {
-  static constexpr std::array<std::string_view, 7> kOutputs{"--output", "--preview", "--keep-basis", "--plot",
-                                                            "--cine",   "--truth",   "--explain"};
+  static constexpr std::array<std::string_view, 8> kOutputs{
+      "--output", "--preview", "--keep-basis", "--plot", "--cine", "--truth", "--explain", "--report"};
   const auto& options = command.get_options();
   for (const CLI::Option* output : options) {
     if (output->empty() || std::ranges::find(kOutputs, output->get_name()) == kOutputs.end()) continue;

@@ -1,6 +1,7 @@
 #include "options/command.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/reports/run_comparison.hpp"
 
@@ -18,24 +19,41 @@ namespace {
 struct ReportArguments {
   std::vector<std::string> runs;
   std::string output, reference, title = "Report of runs";
+  const CLI::App* command = nullptr;
 };
 
+constexpr const char* kReference = " (reference)";
+
+/// Of --reference; none of an empty name.
 std::optional<SavedRun> reference_of(const std::string& file) {
   if (file.empty()) return std::nullopt;
-  std::vector<SavedRun> runs = read_runs(file);
+  std::vector<SavedRun> runs = read_runs(file).runs;
   if (runs.size() != 1) throw InputError("--reference {}: has {} runs; give one", file, runs.size());
-  runs[0].name += " (reference)";
   return std::move(runs[0]);
+}
+
+/// What is laid side by side: the runs of all files and, unless one is given, the reference that they have.
+SavedRuns runs_of(const ReportArguments& options) {
+  SavedRuns all{.runs = {}, .reference = reference_of(options.reference)};
+  for (const std::string& file : options.runs) {
+    SavedRuns some = read_runs(file);
+    for (SavedRun& run : some.runs) all.runs.push_back(std::move(run));
+    if (!some.reference || !options.reference.empty()) continue;
+    if (all.reference && all.reference->json != some.reference->json)
+      throw InputError("{}: has another reference than the files before; give one by --reference", file);
+    all.reference = std::move(some.reference);
+  }
+  if (all.reference) all.reference->name += kReference;
+  if (all.runs.empty()) throw InputError("{}: holds no run", options.runs.front());
+  return all;
 }
 
 void report(const ReportArguments& options, Invocation& invocation) {
   check_report_name(options.output, options.output);
   check_writable(options.output);
-  const std::optional<SavedRun> reference = reference_of(options.reference);
-  std::vector<SavedRun> runs;
-  for (const std::string& file : options.runs)
-    for (SavedRun& run : read_runs(file)) runs.push_back(std::move(run));
-  if (runs.empty()) throw InputError("{}: holds no run", options.runs.front());
+  if (!has_extension(options.output, ".html"))
+    check_not_given(*options.command, {"--title"}, "to a table or JSON; leave it out or write a .html");
+  const auto [runs, reference] = runs_of(options);
   write_runs(options.output, runs, reference, options.title);
   const auto passed = std::ranges::count_if(runs, [](const SavedRun& run) { return run.is_passed; });
   const auto tasks = std::ranges::count_if(runs, [](const SavedRun& run) { return !run.exercise.empty(); });
@@ -55,6 +73,7 @@ void add_report(CLI::App& app, Invocation& invocation) {
                   "Reports are what `xraycast simulate --report` and a page's Save report write\n"
                   "(docs/exercises.md), in the order in which the runs were made.",
                   [options, &invocation] { report(*options, invocation); });
+  options->command = command;
   command->add_option("RUN", options->runs, "Reports of runs (.json)")->required()->type_name("RUN");
   command
       ->add_option("-o,--output", options->output,
@@ -62,8 +81,9 @@ void add_report(CLI::App& app, Invocation& invocation) {
       ->required()
       ->type_name("HTML|CSV|JSON");
   command
-      ->add_option("--reference", options->reference,
-                   "The report of a run with which the others are compared")
+      ->add_option(
+          "--reference", options->reference,
+          "The report of a run with which the others are compared (default: that of the files, if any)")
       ->type_name("RUN");
   command->add_option("--title", options->title, "The page's title")
       ->capture_default_str()

@@ -35,6 +35,10 @@ class PicturesArgument : public nb::object {  ///< see told_of in compare.cpp
 class PicturesOfXraysArgument : public nb::object {  ///< see xrays_of
   NB_OBJECT(PicturesOfXraysArgument, nb::object, "collections.abc.Sequence[numpy.typing.ArrayLike]", always)
 };
+class FramesOfXraysArgument : public nb::object {  ///< see frames_of
+  NB_OBJECT(FramesOfXraysArgument, nb::object,
+            "collections.abc.Sequence[collections.abc.Sequence[numpy.typing.ArrayLike]]", always)
+};
 class ModelsArgument : public nb::object {  ///< see make_instruments
   NB_OBJECT(ModelsArgument, nb::object, "collections.abc.Sequence[str | os.PathLike[str]]", always)
 };

@@ -15,6 +15,9 @@ namespace xraycast::python {
 std::optional<Exercise> take_exercise(RunRequest& request, const nb::object& entry,
                                       const nb::object& exercise);
 
+/// What VesselTree.exercise gives: the exercise as a dict, with the place of each target.
+nb::dict exercise_object(const Exercise& exercise, const VesselTree& tree);
+
 /// RunMonitor's JSON as a dict.
 nb::dict report_object(const std::string& json);
 

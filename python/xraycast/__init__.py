@@ -7,11 +7,11 @@ exp(-tau). Every long call takes `progress`, a callable (fraction, stage) or tqd
 from . import similarity as similarity
 from ._core import (Basis, BodyMap, Catheter, CatheterState, CoaxialInstruments, Comparison, Exposure, Fluoroscope, Frame, Frames,
                     InstrumentShape, Mesh, Motion, Opacity, RegisteredView, Registration, Run, Scan, VesselBranch, Vessels,
-                    VesselTree, __version__, compare, convert, devices, export, open, phantom, register, simulate, use_device,
+                    VesselTree, __version__, compare, convert, devices, export, open, phantom, register, simulate, track, use_device,
                     vessels)
 from ._errors import DeviceError, Error, InputError
 
 __all__ = ["Basis", "BodyMap", "Catheter", "CatheterState", "CoaxialInstruments", "Comparison", "DeviceError", "Error", "Exposure",
            "Fluoroscope", "Frame", "Frames", "InputError", "InstrumentShape", "Mesh", "Motion", "Opacity", "RegisteredView", "Registration",
            "Run", "Scan", "VesselBranch", "VesselTree", "Vessels", "compare", "convert", "devices", "export", "open", "phantom",
-           "register", "simulate", "use_device", "vessels"]
+           "register", "simulate", "track", "use_device", "vessels"]

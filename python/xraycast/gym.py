@@ -1,11 +1,9 @@
 """A Gymnasium environment: steer a catheter to a target in a vessel tree."""
-import json
 import numbers
-import pathlib
 
 import numpy as np
 
-from . import CoaxialInstruments, InputError, InstrumentShape, Motion, VesselTree
+from . import CoaxialInstruments, Error, InputError, InstrumentShape, Motion, VesselTree
 from ._pictures import grey_range, greys, project_points
 
 try:
@@ -15,12 +13,12 @@ except ImportError as error:
 
 AHEAD, AHEAD_MM = 8, 5.0  # points of the way ahead, and how far apart
 CONE_MM = (1000, 1500)
-VIEW = {"lao": 0.0, "cranial": 0.0, "size": (128, 128), "pixel_mm": None, "centre_mm": None}
+VIEW = {"lao": 0.0, "cranial": 0.0, "size": (128, 128), "pixel_mm": None, "centre_mm": None, "field_mm": None}
 LEAST_LEVELS = 24  # of grey, between the catheter and what is beside it, in pixels that are wider than it
 ROAD_MAP_MM = 1.6  # the width of the way
 MARGIN = 1.1  # of the field about the tree
 RENDERED = 256  # pixels of the longer side of a picture without a body
-DEPTH_MM, ENTERED = 10.0, 20.0  # of a target without one, see docs/exercises.md; what a forbidden entry costs
+ENTERED = 20.0  # what an entry into a forbidden vessel costs
 
 
 class _Tree:
@@ -66,44 +64,6 @@ class _Tree:
         parts.append(self.between(target, np.inf if shared == target else -1, target_mm))
         return np.vstack([ends[0], *parts, ends[1]])
 
-    def at_depth(self, branches, depth_mm):
-        """The place of a vessel so far beyond its origin: a branch, and where on it."""
-        for branch in sorted(branches):
-            line = self.ancestors(branch)
-            above = next((b for b in line if b not in branches), -1)
-            start_mm = sum(self.arcs[b][-1] for b in line[1:] if b in branches and line.index(b) < (line.index(above) if above >= 0 else len(line)))
-            start_mm -= self.radii[above][-1] if above >= 0 else 0
-            if start_mm + self.arcs[branch][-1] >= depth_mm:
-                return branch, depth_mm - start_mm
-        return branch, self.arcs[branch][-1]
-
-    def nearest(self, point_mm):
-        """The place of the tree next to a point: a branch, and where on it."""
-        gaps = [np.linalg.norm(points - point_mm, axis=1) for points in self.branches]
-        branch = int(np.argmin([gap.min() for gap in gaps]))
-        return branch, self.arcs[branch][gaps[branch].argmin()]
-
-
-class _Task:
-    """An exercise: its file, its instruments, and the places of its targets."""
-
-    def __init__(self, file, vessels, tree):
-        self.file, document = file, json.loads(pathlib.Path(file).read_text(encoding="utf-8"))
-        CoaxialInstruments(vessels, self._beside(document["instruments"]), exercise=file)  # whether it can be done
-        self.instruments, self.places = self._beside(document["instruments"]), []
-        for target in document["targets"]:
-            if "at_mm" in target:
-                self.places.append(tree.nearest(target["at_mm"]))
-            else:
-                vessel = target["vessel"]
-                branches = vessels.named(vessel) if isinstance(vessel, str) else [vessel]
-                self.places.append(tree.at_depth(branches, target.get("depth_mm", DEPTH_MM)))
-
-    def _beside(self, names):
-        """The names of instruments' files are relative to the exercise's."""
-        files = [pathlib.Path(self.file).parent / name for name in names]
-        return [str(file) if file.is_file() else name for file, name in zip(files, names)]
-
 
 def _checked_view(body, view):
     """Raises InputError."""
@@ -117,17 +77,27 @@ def _checked_view(body, view):
     for name in ("lao", "cranial"):
         if not isinstance(view[name], numbers.Real) or not np.isfinite(view[name]):
             raise InputError(f"{name}: must be one angle in degrees; the C-arm stays where it is")
+    field_mm = view["field_mm"]
+    if field_mm is not None and not (isinstance(field_mm, numbers.Real) and 1 <= field_mm <= 1000):
+        raise InputError(f"field_mm {field_mm}: must be 1 to 1000")
+    for name in ("pixel_mm", "centre_mm"):
+        if field_mm is not None and view[name] is not None:
+            raise InputError(f"{name}: field_mm says how large frames are, and they follow the tip; leave one of both out")
     return view
 
 
 class _Fluoroscope:
-    """A C-arm that stays where it is: its picture of the body, to which the instruments are added. Its field is fitted to the
-    points of a tree where it is not given. A map that moves does so by `modes`, the names of the motion's."""
+    """A C-arm that keeps its angles: its picture of the body, to which the instruments are added. Its field is fitted to the
+    points of a tree where it is not given; with field_mm it is so wide, and the table follows the tip. A map that moves does so by
+    `modes`, the names of the motion's."""
 
-    def __init__(self, body, points_mm, modes, *, pixel_mm, centre_mm, **view):
+    def __init__(self, body, points_mm, modes, *, pixel_mm, centre_mm, field_mm, **view):
         draw = body.render if hasattr(body, "render") else body.project
         if centre_mm is None:
             centre_mm = tuple((points_mm.min(0) + points_mm.max(0)) / 2)
+        self.follows = field_mm is not None
+        if self.follows:
+            pixel_mm = float(field_mm) / max(view["size"]) * CONE_MM[1] / CONE_MM[0]
         if pixel_mm is None:
             probe = draw(cone_mm=CONE_MM, pixel_mm=1, centre_mm=centre_mm, **view)
             reach = np.abs(project_points(points_mm, probe.K, probe.RT)[:, :2] - probe.K[:2, 2]).max(0)
@@ -135,14 +105,17 @@ class _Fluoroscope:
         self.modes = modes if getattr(body, "modes", {}) else []
         if self.modes and list(body.modes) != self.modes:
             raise InputError(f"body: moves by {', '.join(body.modes)}, the motion by {', '.join(self.modes)}; give that of the body")
-        self.draw = lambda **instant: draw(cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=centre_mm, **view, **instant)
+        self.draw = lambda centre_mm=centre_mm, **instant: draw(cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=centre_mm, **view, **instant)
         self.frame = self.draw()
         self.mm_per_pixel = pixel_mm * CONE_MM[0] / CONE_MM[1]
 
-    def move(self, phases):
-        """To an instant of a body that moves."""
-        if self.modes:
-            self.frame = self.draw(phase=dict(zip(self.modes, phases)))
+    def move(self, phases, tip_mm):
+        """To an instant of a body that moves, and to a tip that is followed."""
+        instant = {"phase": dict(zip(self.modes, phases))} if self.modes else {}
+        if self.follows:
+            instant["centre_mm"] = tuple(tip_mm)
+        if instant:
+            self.frame = self.draw(**instant)
 
     def use(self, instrument):
         """How much darker than it is an instrument must be to be seen, and limits that leave room for it in the darkest part."""
@@ -199,6 +172,43 @@ def _drawn(tree, nodes_mm, place_mm):
     return picture
 
 
+class _Window:
+    """Shows pictures."""
+
+    SHOWN = 512  # pixels of the longer side, about
+
+    def __init__(self):
+        try:
+            import tkinter
+        except ImportError as error:
+            raise ImportError('render_mode "human" needs tkinter, such as Debian\'s python3-tk; or use "rgb_array"') from error
+        try:
+            self.root = tkinter.Tk(className="xraycast")
+        except tkinter.TclError as error:
+            raise InputError(f'render_mode "human": there is no display ({error}); use "rgb_array"') from error
+        self.tkinter, self.image = tkinter, None
+        self.root.title("xraycast")
+        self.label = tkinter.Label(self.root, borderwidth=0)
+        self.label.pack()
+
+    def show(self, picture):
+        times = max(1, round(self.SHOWN / max(picture.shape[:2])))
+        picture = picture.repeat(times, axis=0).repeat(times, axis=1)
+        rows, columns = picture.shape[:2]
+        try:
+            self.image = self.tkinter.PhotoImage(master=self.root, data=b"P6 %d %d 255\n" % (columns, rows) + picture.tobytes(), format="PPM")
+            self.label.configure(image=self.image)
+            self.root.update()
+        except self.tkinter.TclError as error:
+            raise Error("the window was closed") from error
+
+    def close(self):
+        try:
+            self.root.destroy()
+        except self.tkinter.TclError:  # by its user
+            pass
+
+
 class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     """Reach the end of a branch, or the targets of an exercise. `gymnasium.make("xraycast/ReachTarget-v0", tree=...)`, once this
     module is imported.
@@ -210,20 +220,22 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in one step.
     max_steps: the number of steps after which an episode is truncated.
     body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as in its render or
-    project, but the field fits the tree by default. An instrument that would hardly be seen is drawn darker than it is.
+    project, but the field fits the tree by default. field_mm: instead frames follow the tip, and their longer side shows so much
+    about it. An instrument that would hardly be seen is drawn darker than it is.
     motion, phase: as of Catheter: the body moves about the instrument, at the time of the episode, and so do frames of a body
     that is a map that moves by the same modes (Scan.cast with motion alone); those of any other body stand still.
     observe_phases: observations without a body have the phase of each mode too, at their end.
     breath_hold: actions have a number more, above 0 to hold the mode `breath` of the motion where it is.
-    render_mode: "rgb_array": render() is the frame, or without a body a sketch from the front.
+    render_mode: "rgb_array": render() is the frame, or without a body a sketch from the front. "human": a window shows it at each
+    step; it needs a display and Python's tkinter.
 
     Action, (2,) float32 in [-1, 1]: push and turn at the hub, of each instrument; one more with breath_hold.
     Observation, (36,) float32, mm: the tip (x, y, z; where it is in the scan), its direction (3, of length 1), 8 points on the way to the
     target, 5 mm apart, as seen from the tip (24), the way's length, the insertion, the cosine and sine of the hub's
     rotation, and at the hub the force in N and the torque in N mm. Of several instruments the tip is the one nearest to the
-    target, and the last five numbers are repeated for each.
+    target, or that of the exercise's instrument, and the last five numbers are repeated for each.
     Observation with a body, (rows, columns, 2) uint8: the fluoroscopic frame, and the road map: 255 on the way from where
-    the catheter entered to the target, as it was taken when the episode began.
+    the catheter entered to the target, as it was taken when the episode began, or of an exercise when the target before was reached.
     Info: target, left_mm: the way's length; report: what Catheter.report() gives; and with a motion phases, a dict of its modes.
     Reward: the millimetres by which the way became shorter, less 0.1 per step, and 100 at the target: within 5 mm of
     its end, which also ends the episode. In an exercise 100 at each target, and 20 less for each entry into a forbidden vessel;
@@ -232,27 +244,29 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     Copies and unpickled environments start from the beginning: call reset().
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 20}
     REACHED_MM, BONUS, PRICE = 5.0, 100.0, 0.1
 
     def __init__(self, tree, model="cobra-5f", target=None, *, entry=None, ms=10, max_push_mm=2.0, max_turn_deg=10.0,
                  max_steps=2000, body=None, lao=0.0, cranial=0.0, size=(128, 128), pixel_mm=None, centre_mm=None,
-                 motion=None, phase=None, observe_phases=False, breath_hold=False, devices=None, exercise=None, render_mode=None):
+                 motion=None, phase=None, observe_phases=False, breath_hold=False, devices=None, exercise=None, render_mode=None,
+                 field_mm=None):
         gymnasium.utils.EzPickle.__init__(self, tree, model, target, entry=entry, ms=ms, max_push_mm=max_push_mm,
                                           max_turn_deg=max_turn_deg, max_steps=max_steps, body=body, lao=lao,
                                           cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm,
                                           motion=motion, phase=phase, observe_phases=observe_phases,
-                                          breath_hold=breath_hold, devices=devices, exercise=exercise, render_mode=render_mode)
+                                          breath_hold=breath_hold, devices=devices, exercise=exercise, render_mode=render_mode,
+                                          field_mm=field_mm)
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError(f"render_mode {render_mode}: must be rgb_array or None")
-        self.render_mode = render_mode
-        view = _checked_view(body, dict(lao=lao, cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm))
+            raise InputError(f"render_mode {render_mode}: must be rgb_array, human or None")
+        self.render_mode, self.window = render_mode, None
+        view = _checked_view(body, dict(lao=lao, cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm, field_mm=field_mm))
         self.vessels = tree if isinstance(tree, VesselTree) else VesselTree.read(tree)
         self.tree, self.entry = _Tree(self.vessels), entry
-        self.task = None if exercise is None else _Task(exercise, self.vessels, self.tree)
+        self.task = None if exercise is None else self.vessels.exercise(exercise)
         if self.task and target is not None:
             raise InputError("target: the exercise has its own; leave it out")
-        self.models = list(devices) if devices is not None else self.task.instruments if self.task else [model]
+        self.models = list(devices) if devices is not None else self.task["instruments"] if self.task else [model]
         if isinstance(target, str):
             target = self._leaf_named(target)
         if target is not None and target not in self.tree.leaves:
@@ -287,9 +301,13 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         return leaves[0]
 
     def _check_targets_are_seen(self):
-        places = self.task.places if self.task else [(leaf, None) for leaf in (self.tree.leaves if self.target_given is None else [self.target_given])]
-        for branch, arc_mm in places:
-            if not self.fluoroscope.shows(self.tree.branches[branch][-1] if arc_mm is None else self.tree.place(branch, arc_mm)):
+        if self.fluoroscope.follows:
+            return
+        leaves = self.tree.leaves if self.target_given is None else [self.target_given]
+        places = [(target["branch"], target["at_mm"]) for target in self.task["targets"]] if self.task else [
+            (leaf, self.tree.branches[leaf][-1]) for leaf in leaves]
+        for branch, at_mm in places:
+            if not self.fluoroscope.shows(at_mm):
                 raise InputError(f"target {branch}: lies outside of the frames; give another size, pixel_mm or centre_mm, or leave "
                                  "these out")
 
@@ -303,19 +321,29 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
             self.target = int(self.np_random.choice(away or self.tree.leaves))
         self.steps = 0
         self._aim()
-        way, arcs, _ = ahead = self._look_ahead()
+        ahead = self._look_ahead()
         if self.fluoroscope:
-            self.fluoroscope.move(self.states[0].phases)
-            self.fluoroscope.use(self.run.shapes[0])
-            self.road_map = self.fluoroscope.road_map(way, arcs)
-        return self._observe(ahead), self._info()
+            self._take_road_map(ahead)
+        observation = self._observe(ahead, is_first=True)
+        if self.render_mode == "human":
+            self.render()
+        return observation, self._info()
+
+    def _take_road_map(self, ahead):
+        """Of the way to the target, which frames show from now on."""
+        self.way, self.road_map = ahead[:2], None
 
     def _aim(self):
         """At the target that is next."""
-        self.target_mm = None
+        self.target_mm, self.instrument = None, None
         if self.task:
-            reached = sum(target["reached_s"] is not None for target in self.report["exercise"]["targets"])
-            self.target, self.target_mm = self.task.places[min(reached, len(self.task.places) - 1)]
+            targets = self.task["targets"]
+            aim = targets[min(self._reached(self.report), len(targets) - 1)]
+            self.target, self.target_mm, self.instrument = aim["branch"], aim["arc_length_mm"], aim["instrument"]
+
+    @staticmethod
+    def _reached(report):
+        return sum(target["reached_s"] is not None for target in report["exercise"]["targets"])
 
     def step(self, action):
         action = np.clip(np.asarray(action, dtype=np.float64), -1, 1)
@@ -331,22 +359,27 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         reward = before_mm - self.left_mm - self.PRICE
         if self.task:
             now, then = self.report["exercise"], before["exercise"]
-            gained = sum(target["reached_s"] is not None for target in now["targets"]) - sum(target["reached_s"] is not None for target in then["targets"])
+            gained = self._reached(self.report) - self._reached(before)
             reward += self.BONUS * gained - ENTERED * (len(now["forbidden_entries"]) - len(then["forbidden_entries"]))
             is_there = now["is_complete"]
             self._aim()
             if gained:
                 ahead = self._look_ahead()
+                if self.fluoroscope and not is_there:
+                    self._take_road_map(ahead)
         else:
             is_there = bool(self.left_mm < self.REACHED_MM)
             reward += self.BONUS if is_there else 0
         observation = self._observe(ahead)
+        if self.render_mode == "human":
+            self.render()
         return observation, float(reward), is_there, self.steps >= self.max_steps, self._info()
 
     def _look_ahead(self):
-        """The way to the target from the tip nearest to it, how far each of its points is, and the state of that instrument."""
+        """The way to the target from the tip that is to reach it, how far each of its points is, and the state of that instrument:
+        that of the exercise or, where any may, the one nearest to it."""
         best = None
-        for state in self.states:
+        for state in self.states if self.instrument is None else [self.states[self.instrument]]:
             way = self.tree.way(state.branch, state.arc_length_mm, self.target, self.target_mm)
             arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
             if best is None or arcs[-1] < best[1][-1]:
@@ -354,10 +387,14 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         self.left_mm = float(best[1][-1])
         return best
 
-    def _observe(self, ahead):
+    def _observe(self, ahead, is_first=False):
         way, arcs, state = ahead
         if self.fluoroscope:
-            self.fluoroscope.move(state.phases)
+            self.fluoroscope.move(state.phases, state.tip_mm)
+            if is_first or self.fluoroscope.follows:
+                self.fluoroscope.use(self.run.shapes[0])
+            if self.road_map is None or self.fluoroscope.follows:
+                self.road_map = self.fluoroscope.road_map(*self.way)
             return np.stack([self.fluoroscope.picture(self.run.shapes), self.road_map], axis=-1)
         tip = np.array(state.tip_scan_mm)
         marks = AHEAD_MM * np.arange(1, AHEAD + 1)
@@ -377,9 +414,22 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         return info
 
     def render(self):
-        """(rows, columns, 3) uint8; None without a render_mode."""
+        """(rows, columns, 3) uint8; None without a render_mode, and with "human", which shows it in a window."""
         if self.render_mode is None:
             return None
+        if self.render_mode == "rgb_array":
+            return self._picture()
+        if self.window is None:
+            self.window = _Window()
+        self.window.show(self._picture())
+        return None
+
+    def close(self):
+        if self.window is not None:
+            self.window.close()
+            self.window = None
+
+    def _picture(self):
         if not self.fluoroscope:
             place = self.tree.branches[self.target][-1] if self.target_mm is None else self.tree.place(self.target, self.target_mm)
             return _drawn(self.tree, [self.run.nodes_mm(d) for d in range(len(self.models))], place)

@@ -158,6 +158,10 @@ TEST_F(Cli, CastFollowsTheBody) {
   EXPECT_EQ(other.status, 0);
   expect_one_line(other.err, "was cast from NRRD ");
   EXPECT_THAT(other.err, HasSubstr("other.nrrd is the same scan"));
+  fs::create_directory(folder_ / "b");
+  fs::copy(folder_ / "ct.nrrd", folder_ / "b" / "ct.nrrd");
+  EXPECT_THAT(run("compare @/b/ct.nrrd @/map.exr --views 1").err, HasSubstr("b/ct.nrrd is the same scan"));
+  EXPECT_EQ(run("compare @/ct.nrrd @/map.exr --views 1").err, "");
 
   const Json fractions = json_of("cast @/ct.nrrd -o @/map.exr --radii 0,0.5,1")["map"]["radii_mm"];
   EXPECT_NEAR(fractions[1], 0.5 * fractions[2].get<double>(), 1e-9);

@@ -168,5 +168,18 @@ class Made(unittest.TestCase):
                 self.assertIn(library, bundled)
 
 
+class OtherProcessors(unittest.TestCase):
+    def test_leaves_what_it_has_not_made(self):
+        with tempfile.TemporaryDirectory() as folder:
+            kept = pathlib.Path(folder, "root", "kept.txt")
+            kept.parent.mkdir()
+            kept.write_text("kept")
+            script = pathlib.Path(release.__file__).with_name("arm64.sh")
+            done = subprocess.run(["bash", script, folder], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 2)
+            self.assertRegex(done.stderr, r"\Aarm64.sh: [^\n]*root is there and was not made by this script[^\n]*\n\Z")
+            self.assertEqual(kept.read_text(), "kept")
+
+
 if __name__ == "__main__":
     unittest.main()

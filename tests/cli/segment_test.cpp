@@ -210,6 +210,12 @@ TEST_F(SegmentCommand, NamesThatAreEditedStayWhenTheFolderIsWrittenAgain) {
   EXPECT_THAT(json_of("vessels @/lines.csv -o @/vessels -q")["notes"].dump(),
               HasSubstr("names-earlier.json"));
   EXPECT_EQ(read_bytes(folder_ / "vessels" / "names-earlier.json"), earlier);
+  // What is no file cannot be kept, which is said before the work.
+  fs::remove(folder_ / "vessels" / "names.json");
+  fs::create_directory(folder_ / "vessels" / "names.json");
+  const Finished refused = run("vessels @/lines.csv -o @/vessels -q");
+  EXPECT_EQ(refused.status, 3);
+  expect_one_line(refused.err, "names.json: ");
 }
 
 }  // namespace

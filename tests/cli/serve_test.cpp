@@ -101,6 +101,28 @@ TEST_F(Serve, GreetsSendsAPictureAndEndsWithASignal) {
   EXPECT_GE(report["pictures"], 1);
 }
 
+TEST_F(Serve, ReportsAnExerciseAsASignalEndsIt) {
+  write_bytes(folder_ / "e.json", R"({"title": "Up", "task": "Go up.", "instruments": ["microcatheter-27f"],
+    "entry": [0, 0, -90], "targets": [{"name": "near", "at_mm": [0, 0, -80]}, {"name": "far", "at_mm": [0, 0, 80]}]})");
+  const std::string line =
+      "@/map.exr --vessels @/tree.vtp --exercise @/e.json --listen 127.0.0.1:0 --size 64x48 ";
+  Process program(command(line + "--script @/push.csv --report @/run.json --json"));
+  program.wait_for("; Ctrl+C ends it");
+  usleep(1'500'000);  // the script takes 0.2 s
+  program.send(SIGTERM);
+  const Finished done = program.finish();
+  EXPECT_EQ(done.status, 128 + SIGTERM);
+  const auto exercise = nlohmann::json::parse(done.out)["report"]["exercise"];
+  EXPECT_NE(exercise["targets"][0]["reached_s"], nullptr);
+  EXPECT_EQ(exercise["targets"][1]["reached_s"], nullptr);
+  const auto saved = nlohmann::json::parse(read_bytes(folder_ / "run.json"));
+  EXPECT_EQ(saved["exercise"], exercise);
+  EXPECT_EQ(saved["name"], "run");
+  EXPECT_NEAR(saved["instruments"][0]["tip_path_mm"], 20, 1);
+  EXPECT_THAT(refused(line + "--report @/run.txt"), HasSubstr("must end in .html"));
+  EXPECT_THAT(refused(line + "--device-model cobra-5f"), HasSubstr("is not allowed in the exercise"));
+}
+
 TEST_F(Serve, SaysWhereItListensWhateverIsQuietAndNothingAtItsEnd) {
   Process program(
       command("@/map.exr --vessels @/tree.vtp --device-model microcatheter-27f --listen 127.0.0.1:0 "

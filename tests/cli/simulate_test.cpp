@@ -102,6 +102,9 @@ TEST_F(SimulateCommand, FollowsAnExercise) {
   EXPECT_EQ(outside.status, 3);
   expect_one_line(outside.err, "mm outside the vessels");
   EXPECT_EQ(run("simulate @/tree.json -o @/log.csv --script @/push.csv").status, 2);
+  Command nameless = command("simulate @/tree.json -o @/log.csv --exercise");
+  nameless.words.emplace_back();
+  expect_one_line(run_process(nameless).err, "--exercise: names no file");
 }
 
 TEST_F(SimulateCommand, LaysReportsSideBySide) {
@@ -118,6 +121,24 @@ TEST_F(SimulateCommand, LaysReportsSideBySide) {
   EXPECT_THAT(run("report @/a.json -o @/all.pdf").err, HasSubstr("must end in .html"));
   EXPECT_THAT(run("report @/a.json --reference @/all.json -o @/all.csv").err,
               HasSubstr("has 2 runs; give one"));
+  EXPECT_THAT(run("report @/a.json -o @/all.csv --title Mine").err,
+              HasSubstr("--title does not apply to a table or JSON"));
+  EXPECT_THAT(run("report @/a.json -o @/a.json").err, HasSubstr("is also given as RUN and would overwrite"));
+  EXPECT_THAT(run(line + "-o @/x.csv --report @/x.csv").err, HasSubstr("is also given as --report"));
+}
+
+TEST_F(SimulateCommand, KeepsTheReferenceOfReports) {
+  make_push_and_tree(folder_);
+  const std::string line = "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv ";
+  for (const std::string run : {"a", "best", "other"})
+    output_of(line + "-o @/" + run + ".csv --report @/" + run + ".json");
+  output_of("report @/a.json --reference @/best.json -o @/first.json");
+  output_of("report @/a.json --reference @/other.json -o @/second.json");
+  output_of("report @/first.json @/a.json -o @/all.html");
+  EXPECT_THAT(read_bytes(folder_ / "all.html"), HasSubstr("<th>best (reference)</th><th>a</th><th>a</th>"));
+  expect_one_line(run("report @/first.json @/second.json -o @/all.html").err,
+                  "has another reference than the files before; give one by --reference");
+  output_of("report @/first.json @/second.json --reference @/best.json -o @/all.html");
 }
 
 TEST_F(SimulateCommand, DrawsTwoInstrumentsInARunsCine) {

@@ -3,13 +3,16 @@
 #include "support/pictures.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/memory_limit.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <fstream>
 #include <sstream>
+#include <sys/resource.h>
 #include <thread>
 
 namespace xraycast::picture_file_test {
@@ -121,24 +124,92 @@ TEST(PictureFile, OfPngHasTheSameGreysAsOfOtherFormats) {
   }
 }
 
+/// What is said of a file that read_grey_picture refuses as an input.
+std::string refusal_of(const std::filesystem::path& path, int page = 0) {
+  try {
+    read_grey_picture(path, page);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  ADD_FAILURE() << path << " was read";
+  return "";
+}
+
 TEST(PictureFile, OfPngThatIsDamagedIsRefusedWithoutAWordOfTheLibrarys) {
   const TemporaryFolder folder;
   const std::string whole = png_bytes(smooth_picture(1), kWidth, kHeight, 1);
-  std::string flipped = whole, wide = whole;
+  std::string flipped = whole;
   flipped[whole.size() / 2] ^= 0x10;
-  wide[17] = '\1';  // its width, above 65536
-  for (const std::string& bytes : {flipped, wide, whole.substr(0, whole.size() / 2), whole.substr(0, 4)}) {
+  for (const std::string& bytes : {flipped, whole.substr(0, whole.size() / 2), whole.substr(0, 4)}) {
     write_whole_file(folder / "p.png", bytes);
     testing::internal::CaptureStderr();
-    try {
-      read_grey_picture(folder / "p.png");
-      FAIL() << "read";
-    } catch (const InputError& error) {
-      EXPECT_THAT(error.what(), testing::StartsWith((folder / "p.png").string() + ": could not be read: "));
-    }
+    EXPECT_THAT(refusal_of(folder / "p.png"),
+                testing::StartsWith((folder / "p.png").string() + ": could not be read: "));
     EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   }
 }
+
+TEST(PictureFile, HasAtMost8192PixelsAlongASide) {
+  const TemporaryFolder folder;
+  for (const char* name : {"p.png", "p.tif"})
+    for (const bool is_wide : {true, false})
+      for (const int most : {8192, 8193}) {
+        const auto file = folder / name;
+        write_picture(std::vector<std::uint8_t>(static_cast<std::size_t>(most), 7), is_wide ? most : 1,
+                      is_wide ? 1 : most, 1, file);
+        if (most == 8192)
+          EXPECT_EQ(read_grey_picture(file).grey.size(), 8192U) << name;
+        else
+          EXPECT_THAT(refusal_of(file), testing::EndsWith(": could not be read: it has more than 8192 pixels "
+                                                          "along a side; make it smaller"));
+      }
+}
+
+TEST(PictureFile, HasThePagesThatItHas) {
+  const TemporaryFolder folder;
+  for (const char* name : {"p.png", "p.tif"}) {
+    write_picture(smooth_picture(1), kWidth, kHeight, 1, folder / name);
+    EXPECT_FALSE(read_grey_picture(folder / name, 0).has_next);
+    EXPECT_THAT(refusal_of(folder / name, 1), testing::HasSubstr("it has no page 2; name one that it has"));
+    EXPECT_THAT(refusal_of(folder / name, -1), testing::HasSubstr("it has no page 0; name one that it has"));
+  }
+}
+
+TEST(PictureFile, ThatIsNoneIsRefusedAsAnyFile) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(refusal_of(folder / "none.png"), testing::HasSubstr("no such file"));
+  EXPECT_THAT(refusal_of(folder.path()), testing::HasSubstr("a folder"));
+  write_whole_file(folder / "p.png", png_bytes(smooth_picture(1), kWidth, kHeight, 1));
+  std::filesystem::permissions(folder / "p.png", std::filesystem::perms::none);
+  if (!std::ifstream(folder / "p.png")) {  // root reads it all the same
+    EXPECT_THAT(refusal_of(folder / "p.png"), testing::HasSubstr("check its permissions"));
+  }
+}
+
+#ifndef __SANITIZE_ADDRESS__  // whose shadow memory is beyond any limit
+TEST(PictureFile, IsNotToBlameForALackOfMemory) {
+  constexpr int kWide = 8192, kHigh = 4096;  // 64 MB as a PNG's bytes, 134 MB as floats
+  const TemporaryFolder folder;
+  const std::vector<std::uint8_t> black(std::size_t{kWide} * kHigh);
+  for (const char* name : {"p.png", "p.tif"}) {
+    write_picture(black, kWide, kHigh, 1, folder / name);
+    rlimit before{};
+    getrlimit(RLIMIT_AS, &before);
+    const rlimit limit{static_cast<rlim_t>(address_space_taken_B()) + (100 << 20), before.rlim_max};
+    setrlimit(RLIMIT_AS, &limit);
+    try {
+      read_grey_picture(folder / name);
+      ADD_FAILURE() << name << " was read";
+    } catch (const InputError& error) {
+      ADD_FAILURE() << error.what();
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), testing::AllOf(testing::StartsWith((folder / name).string() + ": "),
+                                               testing::HasSubstr("memory")));
+    }
+    setrlimit(RLIMIT_AS, &before);
+  }
+}
+#endif
 
 }  // namespace
 }  // namespace xraycast::picture_file_test

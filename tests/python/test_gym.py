@@ -1,6 +1,9 @@
 """The Gymnasium environment; skipped where Gymnasium is not installed."""
 import json
+import os
 import pickle
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -79,13 +82,31 @@ def test_an_exercise_has_its_own_targets(fork, task):
         ReachTarget(fork, exercise=task, devices=["microcatheter-27f"]).reset()
 
 
-def test_places_of_targets_are_those_of_the_program(fork):
-    tree = _Tree(xc.VesselTree.read(fork))
-    assert tree.at_depth([1], 10) == (1, 16)  # the stem's radius is 6 mm
-    assert tree.at_depth([0, 1], 110) == (1, 10)
-    assert tree.nearest([0, 0, 61]) == (0, 60)
-    way = tree.way(1, 30, 0, 40)
+def test_places_of_targets_are_those_of_the_program(fork, task):
+    vessels = xc.VesselTree.read(fork)
+    exercise = vessels.exercise(task)
+    place, depth = exercise["targets"]
+    assert (place["branch"], place["arc_length_mm"]) == (0, 60) and place["instrument"] is None and place["radius_mm"] == 8
+    assert (depth["branch"], depth["arc_length_mm"]) == (1, 16)  # the stem's radius is 6 mm
+    assert exercise["forbidden"] == [{"name": "branch 2", "branches": [2]}] and exercise["instruments"] == ["guidewire-035-angled"]
+    way = _Tree(vessels).way(1, 30, 0, 40)
     assert np.linalg.norm(np.diff(way, axis=0), axis=1).sum() == pytest.approx(90) and way[-1][2] == 40
+
+
+def test_the_reward_follows_the_tip_that_is_to_reach_the_target(fork, tmp_path):
+    """The catheter's, although the wire's is nearer."""
+    file = tmp_path / "catheter.json"
+    file.write_text(json.dumps({"title": "Up", "task": "Go.", "instruments": ["microcatheter-27f", "guidewire-014-straight"],
+                                "entry": [0, 0, 0], "targets": [{"at_mm": [0, 0, 60], "instrument": 1}]}))
+    env = ReachTarget(fork, exercise=file, max_push_mm=4)
+    env.reset(seed=1)
+    _, reward, ended, _, info = env.step([0, 0, 1, 0])
+    assert reward == pytest.approx(-0.1, abs=0.05)
+    for _ in range(12):
+        _, reward, ended, _, info = env.step([0, 0, 1, 0])
+    assert not ended and info["left_mm"] == pytest.approx(60, abs=1)
+    _, reward, *_ = env.step([1, 0, 0, 0])
+    assert reward == pytest.approx(3.9, abs=0.3)
 
 
 def test_ways_follow_the_tree(fork):
@@ -180,6 +201,84 @@ def test_frames_show_the_tree_and_the_catheter_by_default(body):
     assert np.sum((darker >= 10).any(axis=1)) > 14
     rows, columns = np.nonzero(frame[..., 1])
     assert len(rows) > 20 and rows.min() > 0 and columns.min() > 0 and rows.max() < 127 and columns.max() < 127
+
+
+def test_frames_follow_the_tip_at_a_field(fork, vessel_in_water):
+    body = vessel_in_water.cast(layers=2)
+    env = ReachTarget(fork, "guidewire-035-j", target=1, body=body, size=(96, 64), field_mm=80, render_mode="rgb_array")
+    check_env(env, skip_render_check=True)
+    first, _ = env.reset(seed=1)
+    for step in range(30):
+        frame, *_ = env.step([1, 0])
+        if step < 8:
+            continue
+        # Pixels of 0.83 mm: the wire ends in the middle, and comes from below.
+        dark = frame[..., 0].astype(int) < np.median(frame[..., 0], axis=1, keepdims=True) - 8
+        rows, columns = np.nonzero(dark)
+        assert abs(rows.min() - 32) <= 4, rows.min()
+        assert abs(columns[rows.argmin()] - 48) <= 6 and rows.max() > 55
+    assert frame[..., 1].any() and not np.array_equal(frame[..., 1], first[..., 1])  # the road map moves along
+    assert env.render().shape == (64, 96, 3)
+    for wrong, words in [(dict(field_mm=0), "field_mm 0: must be 1 to 1000"), (dict(field_mm=80, pixel_mm=1), "pixel_mm: field_mm says"),
+                         (dict(field_mm=80, body=None), "field_mm: applies only to frames")]:
+        with pytest.raises(xc.InputError, match=words):
+            ReachTarget(fork, **{"body": body, **wrong})
+
+
+def test_frames_are_stacked_by_gymnasium(fork, vessel_in_water):
+    env = gymnasium.wrappers.FrameStackObservation(
+        ReachTarget(fork, "guidewire-035-j", target=1, body=vessel_in_water, size=(32, 24)), stack_size=4)
+    first, _ = env.reset(seed=1)
+    assert first.shape == env.observation_space.shape == (4, 24, 32, 2) and first.dtype == np.uint8
+    frames, *_ = env.step(np.ones(2, np.float32))
+    assert np.array_equal(frames[2], first[3]) and frames.shape == first.shape
+
+
+@pytest.fixture
+def display(monkeypatch):
+    pytest.importorskip("tkinter")
+    if not shutil.which("Xvfb"):
+        pytest.skip("there is no Xvfb")
+    told, tells = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(tells), "-screen", "0", "800x700x24", "-nolisten", "tcp"], pass_fds=[tells],
+                              stderr=subprocess.DEVNULL)
+    os.close(tells)
+    with os.fdopen(told) as number:
+        monkeypatch.setenv("DISPLAY", ":" + number.readline().strip())
+    yield
+    server.kill()
+    server.wait()
+
+
+def test_a_window_shows_it_to_people(fork, display):
+    env = ReachTarget(fork, "guidewire-035-j", target=1, render_mode="human")
+    env.reset(seed=1)
+    before = env.window.image
+    env.step([1, 0])
+    image = env.window.image
+    assert image is not before and env.window.root.winfo_viewable() and max(image.width(), image.height()) >= 400
+    still = ReachTarget(fork, "guidewire-035-j", target=1, render_mode="rgb_array")
+    still.reset(seed=1)
+    still.step([1, 0])
+    picture = still.render()
+    times = image.width() // picture.shape[1]
+    for row, column in [(5, 5), (100, picture.shape[1] // 2), (200, picture.shape[1] // 2 + 1)]:
+        assert image.get(times * column, times * row) == tuple(picture[row, column])
+    assert env.render() is None
+    env.window.root.destroy()
+    with pytest.raises(xc.Error, match="the window was closed"):
+        env.step([1, 0])
+    env.close()
+    env.reset(seed=1)  # opens another one
+    env.close()
+
+
+def test_a_window_needs_a_display(fork, monkeypatch):
+    pytest.importorskip("tkinter")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    env = ReachTarget(fork, "guidewire-035-j", target=1, render_mode="human")
+    with pytest.raises(xc.InputError, match="there is no display"):
+        env.reset(seed=1)
 
 
 def test_targets_outside_of_the_frames_are_refused(fork, vessel_in_water):

@@ -45,6 +45,24 @@ def test_pictures_of_any_contrast_are_registered(seen, contrast):
     assert register.error_mm(found.poses[0].RT, frame.RT, register.corners_of(scan)) < 0.8
 
 
+def test_a_film_is_followed(seen):
+    scan, first = seen
+    frames = [scan.project(25 + 0.8 * i, -8, (128, 128), (785, 1200), pixel_mm=3, opacity="bilinear",
+                           centre_mm=np.add(scan.centre_mm, [0, 0, 1.5 * i])) for i in range(4)]
+    start = register.moved(first.RT, np.array([10, -8, 15, 0.05, -0.05, 0.06]), np.array(scan.centre_mm))
+    found = xc.track(scan, [[frame.tau] for frame in frames], K=first.K, RT=start, search_deg=5, search_mm=20)
+    assert len(found) == 4 and all(one.converged for one in found)
+    for one, frame in zip(found, frames):
+        # A fifth of a voxel.
+        assert register.error_mm(one.poses[0].RT, frame.RT, register.corners_of(scan)) < 0.8
+    # Only the first is searched for.
+    assert all(one.evaluations < found[0].evaluations / 4 for one in found[1:])
+    with pytest.raises(xc.InputError, match="as many pictures as the first, 1; one has 2"):
+        xc.track(scan, [[first.tau], [first.tau] * 2], K=first.K, RT=start)
+    with pytest.raises(xc.InputError, match="frames: must be a list"):
+        xc.track(scan, [], K=first.K, RT=start)
+
+
 def test_what_cannot_be_registered_is_refused(seen):
     scan, frame = seen
     for message, pictures, k in [("is none|no X-ray", [], frame.K), ("all its pixels are 1", [np.ones((128, 128))], frame.K),

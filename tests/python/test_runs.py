@@ -130,6 +130,17 @@ def test_steps_have_the_same_report(tree, task):
     assert "series" in now and "series" not in catheter.report()
 
 
+def test_an_exchange_keeps_to_the_instruments_of_the_exercise(tree, task):
+    document = json.loads(task.read_text()) | {"devices": ["microcatheter-24f"]}
+    task.write_text(json.dumps(document))
+    steered = xc.CoaxialInstruments(tree, ["microcatheter-27f"], exercise=task)
+    with pytest.raises(xc.InputError, match="guidewire-014-straight: is not allowed in the exercise"):
+        steered.exchange(0, "guidewire-014-straight")
+    assert steered.models == ["microcatheter-27f"]
+    steered.exchange(0, "microcatheter-24f")
+    assert steered.models == ["microcatheter-24f"] and steered.report()["instruments"][0]["exchanges"] == 1
+
+
 def test_exports_exercises(tree, small_map, task, tmp_path):
     page = tmp_path / "page.html"
     xc.export(small_map, page, vessels=tree, live=["microcatheter-27f"], exercise=[task])

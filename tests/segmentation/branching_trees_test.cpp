@@ -11,6 +11,7 @@
 
 #include <cstdlib>
 #include <iostream>
+#include <stdexcept>
 
 namespace xraycast::branching_trees_test {
 namespace {
@@ -19,7 +20,9 @@ constexpr double kLeastWhole = 0.95;
 
 std::uint32_t trees() {
   const char* wanted = std::getenv("XRAYCAST_RUNS");
-  return wanted ? static_cast<std::uint32_t>(std::atoi(wanted)) : 20;
+  const int trees = wanted ? std::atoi(wanted) : 20;
+  if (trees < 1) throw std::invalid_argument("XRAYCAST_RUNS: must be 1 or more");
+  return static_cast<std::uint32_t>(trees);
 }
 
 Vessels vessels_of(const std::filesystem::path& input, const VesselTree& truth) {

@@ -2,8 +2,10 @@
 #include "xraycast/vessel_names/edited_names.hpp"
 
 #include "support/temporary_folder.hpp"
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/branch_names.hpp"
+#include "xraycast/image_file/write_volume.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -81,6 +83,59 @@ TEST_F(EditedNamesOfAFolder, AreSaidWhereNoBranchLiesThere) {
   EXPECT_FALSE(names.is_all_taken);
 }
 
+TEST_F(EditedNamesOfAFolder, DoNotGoToATwigThatBeginsInTheirLumen) {
+  edit(R"({"names": [{"branch": 1, "name": "below"}]})");
+  const VesselTree twigged({{{{{0, 0, 90}, 9}, {{0, 0, 40}, 9}}, -1, {}, {}, "aorta"},
+                            {{{{0, 0, 40}, 9}, {{0, 0, 0}, 9}}, 0, {}, {}, "aorta"},
+                            {{{{0, 0, 0}, 9}, {{0, 0, -60}, 8}}, 1, {}, {}, ""},
+                            {{{{0, 0, 0}, 2}, {{9, 0, 0}, 2}}, 1, {}, {}, ""},    // sideways
+                            {{{{0, 0, 0}, 2}, {{4, 0, -6}, 2}}, 1, {}, {}, ""}},  // along it, but thin
+                           "twigged");
+  const EditedNames names = with_edited_names(twigged, folder_.path());
+  EXPECT_THAT(names_of(names.tree), ElementsAre("aorta", "below", "below", "", ""));
+  EXPECT_TRUE(names.is_all_taken);
+}
+
+TEST_F(EditedNamesOfAFolder, AreSaidWhereOnlyATwigIsLeft) {
+  edit(R"({"names": [{"branch": 1, "name": "below"}]})");
+  const VesselTree upper({{{{{0, 0, 90}, 9}, {{0, 0, 40}, 9}}, -1, {}, {}, "aorta"},
+                          {{{{0, 0, 40}, 3}, {{50, 20, 40}, 3}}, 0, {}, {}, ""},
+                          {{{{0, 0, 40}, 9}, {{0, 0, 20}, 8}}, 0, {}, {}, ""}},
+                         "upper");
+  const EditedNames names = with_edited_names(upper, folder_.path());
+  EXPECT_THAT(names_of(names.tree), ElementsAre("aorta", "", "below"));
+  EXPECT_THAT(names.notes, ElementsAre(HasSubstr("less than half of these is there: \"below\"")));
+  EXPECT_FALSE(names.is_all_taken);
+}
+
+TEST_F(EditedNamesOfAFolder, StayWithTheirPatient) {
+  edit(R"({"names": [{"branch": 1, "name": "below"}]})");
+  const auto expect_left = [&](const VesselTree& tree, const VolumeGeometry* grid) {
+    const EditedNames names = with_edited_names(tree, folder_.path(), grid);
+    EXPECT_EQ(names_of(names.tree), names_of(tree));
+    EXPECT_THAT(names.notes, ElementsAre(HasSubstr("they are those of other vessels")));
+    EXPECT_FALSE(names.is_all_taken);
+  };
+  // Their lower trunks cross, and nothing else of them meets.
+  expect_left(VesselTree({{{{{60, 0, 90}, 9}, {{0, 0, 20}, 9}}, -1, {}, {}, ""},
+                          {{{{0, 0, 20}, 9}, {{0, 0, -40}, 8}}, 0, {}, {}, ""},
+                          {{{{0, 0, 20}, 3}, {{60, 70, 20}, 3}}, 0, {}, {}, ""}},
+                         "another patient's"),
+              nullptr);
+  const VolumeGeometry grid{{20, 20, 40}, {2, 2, 3}, {-20, -20, -60}};
+  const std::vector<std::uint8_t> voxels(static_cast<std::size_t>(grid.voxel_count()), 1);
+  write_mask(grid, voxels, folder_ / "mask.nrrd");
+  VolumeGeometry cut = grid, moved = grid, finer = grid;
+  cut.size.z = 30;
+  cut.origin_mm.z += 6;
+  moved.origin_mm.x += 0.7;
+  finer.spacing_mm.z = 1;
+  expect_left(found_again(), &moved);
+  expect_left(found_again(), &finer);
+  for (const VolumeGeometry& same : {grid, cut})
+    EXPECT_TRUE(with_edited_names(found_again(), folder_.path(), &same).is_all_taken);
+}
+
 TEST_F(EditedNamesOfAFolder, AreNotLostWhereTheyCannotBeRead) {
   const auto expect_kept = [&](const std::string& why) {
     const EditedNames names = with_edited_names(found_again(), folder_.path());
@@ -99,6 +154,20 @@ TEST_F(EditedNamesOfAFolder, AreKeptBesideEarlierOnes) {
   EXPECT_EQ(free_name_for_earlier(folder_.path()), folder_ / "names-earlier.json");
   write_whole_file(folder_ / "names-earlier.json", "{}");
   EXPECT_EQ(free_name_for_earlier(folder_.path()), folder_ / "names-earlier-2.json");
+  const std::string names = read_whole_file(folder_ / kNamesFile);
+  EXPECT_EQ(keep_names(folder_.path()), folder_ / "names-earlier-2.json");
+  EXPECT_EQ(read_whole_file(folder_ / "names-earlier-2.json"), names);
+}
+
+TEST_F(EditedNamesOfAFolder, ThatAreNoFileAreRefusedBeforeARunAndMovedAsideAfterIt) {
+  EXPECT_NO_THROW(check_names(folder_.path()));
+  EXPECT_NO_THROW(check_names(folder_ / "none"));
+  std::filesystem::remove(folder_ / kNamesFile);
+  std::filesystem::create_directory(folder_ / kNamesFile);
+  EXPECT_THROW(check_names(folder_.path()), InputError);
+  EXPECT_FALSE(with_edited_names(found_again(), folder_.path()).is_all_taken);
+  EXPECT_TRUE(std::filesystem::is_directory(keep_names(folder_.path())));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / kNamesFile));
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace xraycast::seeds_test {
 namespace {
@@ -188,9 +189,18 @@ TEST(SeedsInAnAbdomen, AreOfferedInVesselsAndNotInBone) {
               HasSubstr("give a seed, a point in a vessel; the brightest candidates are ("));
   const std::vector<float> to_spine_mm = distance_to_foreground_mm(abdomen.part("spine"));
   ComputeDevice device;
-  for (const Candidate& candidate : brightest_candidates(abdomen.scan(), device)) {
+  const std::vector<Candidate> candidates = brightest_candidates(abdomen.scan(), device);
+  EXPECT_FALSE(candidates.empty());
+  for (const Candidate& candidate : candidates) {
+    const glm::dvec3 told_mm = glm::round(candidate.point_mm);  // as the message has it
+    SCOPED_TRACE(testing::Message() << told_mm.x << ' ' << told_mm.y << ' ' << told_mm.z);
     const VolumeGeometry& g = abdomen.scan().geometry();
-    EXPECT_GT(to_spine_mm[offset_of(g, Index3(glm::round(g.to_index(candidate.point_mm))))], 2);
+    EXPECT_GT(to_spine_mm[offset_of(g, Index3(glm::round(g.to_index(told_mm))))], 2);
+    // Given back it makes a tree, of which it lies in a vessel.
+    Progress unheard;
+    std::optional<Mask> found;
+    ASSERT_NO_THROW(found = abdomen.found_from(told_mm));
+    EXPECT_TRUE(extract_centrelines(*found, "abdomen", unheard).tree.inside(told_mm));
   }
 }
 

@@ -6,6 +6,7 @@
 #include "xraycast/segmentation/body_mask.hpp"
 #include "xraycast/segmentation/contrast.hpp"
 #include "xraycast/segmentation/gap_closing.hpp"
+#include "xraycast/segmentation/lumen_completion.hpp"
 #include "xraycast/segmentation/segment.hpp"
 #include "xraycast/segmentation/surface.hpp"
 #include "xraycast/segmentation/threshold.hpp"
@@ -13,6 +14,8 @@
 #include "xraycast/segmentation/vessel_selection.hpp"
 #include "xraycast/segmentation/watershed.hpp"
 
+#include <glm/geometric.hpp>
+#include <glm/vector_relational.hpp>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -117,6 +120,59 @@ TEST(Threshold, FindsTheVesselAndItsRim) {
   const Mask truth =
       mask_where(volume.geometry(), [](const glm::dvec3& p) { return std::hypot(p.x - 30, p.y - 30) < 7; });
   EXPECT_EQ(mask.voxels, truth.voxels);
+}
+
+/// A scan of 24 voxels along each axis, whose lumen of 300 HU in tissue of 50 HU is where `is_lumen` says.
+Volume blurred(const std::function<bool(const glm::dvec3&)>& is_lumen) {
+  constexpr int kSize = 24, kParts = 8;  // parts of a voxel along an axis
+  Volume volume({.size = Index3(kSize)});
+  for (std::int64_t i = 0; i < volume.geometry().voxel_count(); ++i) {
+    const glm::dvec3 centre(voxel_at(volume.geometry(), i));
+    int filled = 0;
+    for (int part = 0; part < kParts * kParts * kParts; ++part)
+      filled += is_lumen(
+          centre + (glm::dvec3(part % kParts, part / kParts % kParts, part / (kParts * kParts)) + 0.5) / 8.0 -
+          0.5);
+    volume.hu()[static_cast<std::size_t>(i)] = static_cast<std::int16_t>(50 + 250 * filled / 512);
+  }
+  return volume;
+}
+
+class HalfFilledRim : public testing::TestWithParam<glm::dvec3> {};
+
+TEST_P(HalfFilledRim, IsFoundAroundAVesselOfWhichOneVoxelAcrossIsKnown) {
+  const glm::dvec3 along = glm::normalize(GetParam()), middle(12, 12, 12);
+  const auto off = [&](const glm::dvec3& p) { return glm::length(glm::cross(p - middle, along)); };
+  const Volume scan = blurred([&](const glm::dvec3& p) { return off(p) < 1.1; });
+  Mask vessel = mask_where(scan.geometry(), [&](const glm::dvec3& p) { return off(p) < 0.4; });
+  add_half_filled_rim(scan, Mask(scan.geometry()), vessel);
+  std::int64_t missing = 0, more = 0, all = 0;
+  for (std::int64_t i = 0; i < scan.geometry().voxel_count(); ++i) {
+    const Index3 here = voxel_at(scan.geometry(), i);
+    if (glm::any(glm::lessThan(here, Index3(3))) || glm::any(glm::greaterThan(here, Index3(20)))) continue;
+    const bool is_filled = scan.hu()[static_cast<std::size_t>(i)] > 180;  // 175 is half
+    all += is_filled;
+    missing += is_filled && vessel[here] == 0;
+    more += !is_filled && vessel[here] != 0;
+  }
+  EXPECT_GT(all, 80);
+  EXPECT_EQ(missing, 0);
+  EXPECT_EQ(more, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Along, HalfFilledRim,
+                         testing::Values(glm::dvec3(1, 0, 0), glm::dvec3(0, 0, 1), glm::dvec3(1, 1, 0),
+                                         glm::dvec3(0, 1, -1), glm::dvec3(1, 1, 1)));
+
+TEST(HalfFilledRim, DoesNotGrowAlongASeriesOfBrightVoxels) {
+  const auto is_stick = [](const glm::dvec3& p) {
+    return std::abs(p.x - 12) < 0.5 && std::abs(p.y - 12) < 0.5 && p.z < 18;
+  };
+  const Volume scan = blurred([&](const glm::dvec3& p) { return p.z < 11.5 || is_stick(p); });
+  Mask lumen = mask_where(scan.geometry(), [](const glm::dvec3& p) { return p.z < 11.5; });
+  const std::int64_t before = lumen.count();
+  add_half_filled_rim(scan, Mask(scan.geometry()), lumen);
+  EXPECT_EQ(lumen.count(), before + 1);
 }
 
 TEST(Body, IsTrunkAndArmsWithTheirLungsButNoTable) {

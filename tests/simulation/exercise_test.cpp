@@ -1,16 +1,21 @@
 #include "xraycast/simulation/exercise.hpp"
 
+#include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/simulation/run.hpp"
 #include "xraycast/simulation/run_monitor.hpp"
 
+#include <glm/geometric.hpp>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <array>
 #include <filesystem>
 #include <optional>
+#include <random>
 
 namespace xraycast::exercise_test {
 namespace {
@@ -76,6 +81,63 @@ TEST(Exercise, StaysTheSameByNumbersOfBranches) {
   EXPECT_EQ(twice.targets[1].instrument, 0);
 }
 
+/// Text of letters, blanks, umlauts and what is no text, of any length.
+std::string odd_name(std::mt19937& random) {
+  static constexpr std::array<const char*, 10> kParts{"a",  "Z", " ",  "  ",      "_", "\u00e4\u00f6",
+                                                      "\t", "7", "\"", "left arm"};
+  std::string name;
+  for (auto left = random() % 60; left > 0; --left) name += kParts[random() % kParts.size()];
+  return name;
+}
+
+TEST(Exercise, IsReadBackWhateverVesselsAreCalled) {
+  for (unsigned seed = 0; seed < 300; ++seed) {
+    std::mt19937 random(seed);
+    const auto chance = [&random](unsigned of) { return random() % of == 0; };
+    const VesselTree plain = fork();
+    const VesselTree tree = with_branch_names(plain, {odd_name(random), odd_name(random), odd_name(random)});
+    Json json = usual();
+    json["targets"] = json["forbidden"] = Json::array();
+    for (auto left = 1 + random() % 4; left > 0; --left) {
+      const auto branch = static_cast<std::size_t>(random() % 3);
+      Json target{{"vessel", branch}, {"depth_mm", 1.0 + static_cast<double>(random() % 40) / 7}};
+      // The user writes a name as branches_named takes it.
+      if (!tree.branches()[branch].name.empty() && chance(2))
+        target["vessel"] = std::string(random() % 90, ' ') + tree.branches()[branch].name;
+      if (chance(3))
+        target = {{"at_mm", {0.1, 0, 3.0 + static_cast<double>(random() % 90)}}, {"radius_mm", 3}};
+      if (chance(2)) target["instrument"] = 1;
+      json["forbidden"].push_back(target.contains("vessel") ? target["vessel"] : Json(branch));
+      json["targets"].push_back(target);
+    }
+    const std::string once = to_json(parse_exercise(json.dump(), "e.json", tree));
+    for (const VesselTree* other : {&tree, &plain})
+      EXPECT_EQ(to_json(parse_exercise(once, "again", *other)), once) << seed;
+  }
+}
+
+TEST(Exercise, MarksTargetsAtTheirDepth) {
+  Json json = usual();
+  json["targets"][0] = {{"vessel", "left arm"}, {"depth_mm", 20}};
+  const TargetMark mark = mark_of(parsed(json).targets[0], fork());
+  EXPECT_EQ(mark.branch, 1);
+  EXPECT_NEAR(mark.arc_length_mm, 26, 1e-9);  // the stem's radius is 6 mm
+  EXPECT_NEAR(mark.at_mm.x, 0.6 * 26, 1e-9);
+  EXPECT_NEAR(mark.at_mm.z, 100 + 0.8 * 26, 1e-9);
+  EXPECT_EQ(mark.radius_mm, 5);
+}
+
+TEST(Exercise, MarksAVesselWhoseFirstBranchHasALargerNumber) {
+  std::vector<VesselBranch> branches(2);
+  branches[0].points = {{{0, 0, 50}, 5}, {{0, 0, 100}, 5}};
+  branches[1].points = {{{0, 0, 0}, 5}, {{0, 0, 50}, 5}};
+  branches[0].parent = 1;
+  const VesselTree tree(branches, "two");
+  const TargetMark mark = mark_of({.name = "", .branches = {0, 1}, .depth_mm = 10}, tree);
+  EXPECT_EQ(mark.branch, 1);
+  EXPECT_EQ(mark.at_mm.z, 10);
+}
+
 TEST(Exercise, SaysInALineWhatIsWrong) {
   const auto with = [](const char* pointer, const Json& value) {
     Json json = usual();
@@ -122,6 +184,14 @@ TEST(Exercise, NamesAnInstrumentThatThereIsNot) {
     EXPECT_THAT(error.what(), HasSubstr("\"devices\"[0]: "));
     EXPECT_THAT(error.what(), HasSubstr("spaghetti"));
   }
+}
+
+TEST(Exercise, TakesAPresetBeforeAFileOfItsName) {
+  const TemporaryFolder folder;
+  Json json = usual();
+  write_whole_file(folder / "e.json", json.dump());
+  write_whole_file(folder / "microcatheter-27f", "no instrument");
+  EXPECT_EQ(read_exercise(folder / "e.json", fork()).instruments[0], "microcatheter-27f");
 }
 
 TEST(Exercise, AllowsItsOwnInstrumentsAlone) {
@@ -191,6 +261,49 @@ TEST_F(ExerciseProgressTest, CountsForbiddenEntriesOnce) {
   EXPECT_FALSE(state().is_passed());
 }
 
+TEST_F(ExerciseProgressTest, CountsNoEntryAnewAtTheOriginOfAVesselBeyond) {
+  Json json = usual();
+  json["forbidden"] = {"stem"};
+  json["targets"][0] = {{"vessel", "left arm"}, {"depth_mm", 50}};
+  begin(json);
+  for (const double insertion_mm : {104, 97, 104, 97, 105, 90}) push_to(insertion_mm);
+  EXPECT_EQ(state().forbidden_entries.size(), 1);
+  push_to(130);
+  push_to(80);
+  EXPECT_EQ(state().forbidden_entries.size(), 2);  // back from an arm
+}
+
+// In the middle of a wide vessel the wall is far, and is not asked for at each step.
+TEST(ExerciseInAWideVessel, IsJudgedByWhereTheTipIs) {
+  std::vector<VesselBranch> branches(1);
+  for (int k = 0; k <= 40; ++k) branches[0].points.push_back({{0, 0, 5.0 * k}, 15});
+  const VesselTree tree(branches, "wide");
+  Json json = usual();
+  json["forbidden"] = Json::array();
+  json["targets"] =
+      Json::parse(R"([{"at_mm": [0, 0, 80], "radius_mm": 14}, {"vessel": 0, "depth_mm": 120}])");
+  const Exercise exercise = parse_exercise(json.dump(), "e.json", tree);
+  const std::vector<InstrumentModel> models = instruments_named({"guidewire-035-straight"});
+  Instruments instruments(tree, models, find_entry(tree, {0, "entry"}, models.front()));
+  RunMonitor monitor(instruments, names_of(models), ExerciseProgress(exercise, tree));
+  std::array<std::optional<double>, 2> reached_s;
+  for (int k = 1; k <= 1500; ++k) {
+    instruments.step(std::vector<HubPose>{{0.1 * k, 0}});
+    monitor.add(instruments);
+    const InstrumentTip tip = instruments.tip(0);
+    ASSERT_EQ(tip.scan_mm, tip.position_mm);
+    ASSERT_NEAR(tip.arc_length_mm, tree.nearest(tip.position_mm).arc_length_mm, 0.01);
+    const double time_s = monitor.report().figures().time_s;
+    if (!reached_s[0] && glm::distance(tip.position_mm, {0, 0, 80}) <= 14) reached_s[0] = time_s;
+    if (reached_s[0] && !reached_s[1] && tip.position_mm.z >= 120) reached_s[1] = time_s;
+  }
+  const ExerciseState& state = monitor.progress()->state();
+  for (std::size_t t = 0; t < 2; ++t) {
+    ASSERT_TRUE(reached_s[t] && state.targets[t].reached_s);
+    EXPECT_NEAR(*state.targets[t].reached_s, *reached_s[t], 1e-3);  // a step, of 0.1 mm
+  }
+}
+
 TEST_F(ExerciseProgressTest, TellsWhenALimitIsPassed) {
   Json json = usual();
   json["limits"] = {{"time_s", 0.5}, {"fluoroscopy_s", 10}, {"contrast_ml", 5}, {"force_N", 3}};
@@ -217,6 +330,28 @@ TEST_F(ExerciseProgressTest, ReportsWhatIsThereAlone) {
   EXPECT_EQ(report["exercise"]["targets"][0]["reached_s"], nullptr);
   EXPECT_EQ(report["series"]["time_s"].size(), report["series"]["instruments"][0]["force_N"].size());
   EXPECT_THAT(in_words(*monitor_->progress()), StartsWith("Left arm: not complete; left arm not reached"));
+}
+
+// Of steps of the length of the series' interval, so that an hour is soon over.
+TEST(RunMonitor, SaysThatTheValuesOverTimeEnd) {
+  std::vector<VesselBranch> branches(1);
+  branches[0].points = {{{0, 0, 0}, 3}, {{0, 0, 40}, 3}};
+  const VesselTree tree(branches, "tube");
+  const std::vector<InstrumentModel> models = instruments_named({"microcatheter-27f"});
+  Instruments instruments(tree, models, find_entry(tree, {}, models.front()),
+                          {.spacing_mm = 5, .step_s = RunReport::kSeries_s});
+  RunMonitor monitor(instruments, names_of(models));
+  const auto step = [&] {
+    instruments.step(std::vector<HubPose>{{2, 0}});
+    monitor.add(instruments);
+  };
+  for (std::size_t k = 0; k < RunReport::kMostSeries; ++k) step();
+  EXPECT_FALSE(Json::parse(monitor.json(true)).contains("notes"));
+  for (int k = 0; k < 5; ++k) step();
+  const Json report = Json::parse(monitor.json(true));
+  EXPECT_EQ(report["notes"][0], "the values over time end after 1 h; the figures are of all of the run");
+  EXPECT_EQ(report["series"]["time_s"].size(), RunReport::kMostSeries);
+  EXPECT_FALSE(Json::parse(monitor.json(false)).contains("notes"));
 }
 
 }  // namespace

@@ -147,6 +147,19 @@ TEST_F(WatchedSession, SendsSixteenBits) {
   EXPECT_EQ(std::memcmp(received->image->GetScalarPointer(), codes.data(), 12), 0);
 }
 
+TEST_F(WatchedSession, SendsText) {
+  Watcher client(port());
+  ASSERT_TRUE(client.send(MessageBytes{.type = "GET_STRING"}.bytes()));
+  ASSERT_TRUE(is_wanted(IgtlinkStream::text));
+  const std::string text = "{\"a\": \"\u00e4" + std::string(300, 'x') + "\"}";
+  device_->publish(IgtlinkStream::text, pack_text("Report", text));
+  const auto received = client.receive("Report");
+  ASSERT_TRUE(received);
+  EXPECT_EQ(received->type, "STRING");
+  EXPECT_EQ(received->text, text);
+  EXPECT_EQ(pack_text("Report", std::string(kMostText_B + 1, 'x')), "");
+}
+
 TEST_F(WatchedSession, SendsShapesAndTips) {
   Watcher client(port());
   ASSERT_TRUE(

@@ -255,6 +255,26 @@ TEST(MovingWall, OfATubeThatIsSquashedIsAsFarAsItsEllipse) {
   EXPECT_GT(contact.depth_mm, 0);
 }
 
+TEST(MovingWall, ThatTurnsBesideARodIsMeasuredAcrossItself) {
+  // Squashed at 45 degrees, and drawn sideways under the rod, by 0.02 mm a step.
+  const glm::dmat3 squash{1.125, 0.125, 0, 0.125, 1.125, 0, 0, 0, 1};
+  LyingRod lying(3, motion_by(affine_displacement(squash, {2, 0, 0})), 0.5, 0);
+  for (int i = 0; i < 1500; ++i) lying.step(0.5);
+  int touching = 0;
+  for (int i = 1; i <= 40; ++i) {
+    lying.body->move_to(std::array{0.5 + 0.01 * i});
+    lying.wall.follow_body(*lying.rod);
+    for (const auto& contact : lying.wall.contacts()) {
+      if (contact.depth_mm == 0) continue;
+      ++touching;
+      // A clearance's slope is 1. The wall turns by 0.01, of which the square is left.
+      EXPECT_NEAR(contact.sample.gradient.norm(), 1, 2e-4);
+    }
+    lying.rod.step(kStep_s, &lying.wall);
+  }
+  EXPECT_GT(touching, 100);
+}
+
 // ---- energy ---------------------------------------------------------------------------------------------
 
 TEST(MovingWall, PutsInWhatIsStoredWhereNothingIsLost) {

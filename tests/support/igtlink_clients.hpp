@@ -13,6 +13,7 @@
 #include <igtlPointMessage.h>
 #include <igtlSensorMessage.h>
 #include <igtlStatusMessage.h>
+#include <igtlStringMessage.h>
 #include <igtlTransformMessage.h>
 #include <optional>
 #include <poll.h>
@@ -68,6 +69,8 @@ class IgtlinkTestClient {
       received.points = read_body<igtl::PointMessage>(header);
     } else if (received.type == "TRANSFORM") {
       read_body<igtl::TransformMessage>(header)->GetMatrix(received.matrix);
+    } else if (received.type == "STRING") {
+      received.text = read_body<igtl::StringMessage>(header)->GetString();
     } else if (received.type.starts_with("RTS_")) {
       received.body.resize(static_cast<std::size_t>(header->GetBodySizeToRead()));
       socket_->Receive(received.body.data(), static_cast<int>(received.body.size()));

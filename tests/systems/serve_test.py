@@ -186,6 +186,29 @@ class Serve(unittest.TestCase):
         while (share := (time.time() - begin) / seconds) < 1:
             client.send_message(hub_pose(from_mm + share * (to_mm - from_mm)))
 
+    def test_tells_how_far_an_exercise_is(self):
+        file = self.folder / "up.json"
+        file.write_text(json.dumps({
+            "title": "Up", "task": "Go up.", "instruments": ["cobra-5f"], "entry": [89, -54, -357],
+            "targets": [{"at_mm": [88, -58, -325]}, {"vessel": "left common iliac artery", "depth_mm": 10}],
+            "limits": {"fluoroscopy_s": 1}}))
+        server = self.serve("--exercise", file, "--report", self.folder / "run.html")
+        client = self.connect(server)
+        client.send_message(Request("STT_STRING", 100))
+        report = lambda: json.loads(self.message(client, "Report").string)
+        self.assertEqual(report()["exercise"]["title"], "Up")
+        client.send_message(pyigtl.StringMessage("down", device_name="Pedal"))
+        self.push(client, 0, 80, 3)
+        end = time.time() + 20
+        while not (told := report())["exercise"]["limits"][0]["passed_s"] or not told["exercise"]["targets"][0]["reached_s"]:
+            self.push(client, 80, 80, 0.2)
+            self.assertLess(time.time(), end, told)
+        self.assertGreater(told["instruments"][0]["tip_path_mm"], 30)
+        self.assertNotIn("series", told)
+        ended = server.end()["report"]["exercise"]
+        self.assertEqual(ended["targets"][0], told["exercise"]["targets"][0])
+        self.assertIn("place in left external iliac artery", (self.folder / "run.html").read_text())
+
     def test_steers_and_receives_pictures_points_tips_and_forces(self):
         server = self.serve()
         client = self.connect(server)

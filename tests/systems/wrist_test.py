@@ -6,6 +6,7 @@ median: they agree within 1 mm in their planes. Without options the radius of on
 import argparse
 import json
 import pathlib
+import resource
 import subprocess
 import sys
 import tempfile
@@ -61,6 +62,12 @@ def register(folder, bone, frame, start, search, cameras=(1, 2)):
     return np.array(result["poses"][0]["motion"]), result
 
 
+def processor_s():
+    """Of the registrations so far, on all cores."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def difference(a, b, bone):
     """Degrees, and mm of the bone's middle."""
     turn = np.degrees(np.arccos(np.clip((np.trace(a[:, :3].T @ b[:, :3]) - 1) / 2, -1, 1)))
@@ -81,12 +88,14 @@ def check_single_views(folder, bone, frame, pair, faults):
 
 
 def check_bone(folder, bone, frame, faults):
-    pose, found, seconds = np.array(POSES[frame][bone]), [], []
+    pose, found, seconds, processor = np.array(POSES[frame][bone]), [], [], []
     for number in range(options.starts):
+        before = processor_s()
         motion, result = register(folder, bone, frame, start_near(pose, bone, np.random.default_rng(number)), options.search)
         found.append(motion)
         seconds.append(result["seconds"])
-        print(number, [round(pose["similarity"], 3) for pose in result["poses"]], result["seconds"], flush=True)
+        processor.append(processor_s() - before)
+        print(number, [round(pose["similarity"], 3) for pose in result["poses"]], result["seconds"], processor[-1], flush=True)
     middles = np.array([middle_of(bone, motion) for motion in found])
     # The pose that is nearest to all others is their median.
     sums = [sum(np.hypot(*difference(a, b, bone)) for b in found) for a in found]
@@ -95,7 +104,7 @@ def check_bone(folder, bone, frame, faults):
     off_deg = np.array([difference(motion, median, bone)[0] for motion in found])
     share = np.mean((off_mm < 0.5) & (off_deg < 0.5))
     print(f"{bone} {frame}: {share:.0%} within 0.5 degrees and 0.5 mm of their median; medians {np.median(off_deg):.2f} degrees, "
-          f"{np.median(off_mm):.3f} mm; {np.median(seconds):.1f} s; the stored pose is {difference(median, pose, bone)[0]:.2f} degrees, "
+          f"{np.median(off_mm):.3f} mm; {np.median(seconds):.1f} s, {np.median(processor):.1f} s of the processor; the stored pose is {difference(median, pose, bone)[0]:.2f} degrees, "
           f"{difference(median, pose, bone)[1]:.2f} mm off it", flush=True)
     if share < options.share:
         faults.append(f"{bone} {frame}: {share:.0%} end at their median")

@@ -7,6 +7,7 @@
 #include "xraycast/scene/catheter_surface.hpp"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -195,6 +196,48 @@ TEST_F(AtTheTable, ExchangesAnInstrumentThatIsDrawnBack) {
   EXPECT_EQ(inner(), "guidewire-035-j");
   intervention.replay(file, recorded);
   EXPECT_EQ(inner(), "microcatheter-27f") << "a recording is of the instruments that it was made with";
+}
+
+TEST_F(AtTheTable, AnExerciseIsCountedAndBeginsWithEachRun) {
+  const auto file = folder_ / "e.json";
+  write_whole_file(file, R"({"title": "In", "task": "Go in.", "instruments": ["cobra-5f"],
+    "devices": ["vertebral-5f"], "entry": [89, -54, -357], "targets": [{"at_mm": [88, -58, -325]}], "limits": {"fluoroscopy_s": 0.3}})");
+  const Exercise exercise = read_exercise(file, *tree_);
+  EXPECT_THROW(Intervention({.run = run_of({"simmons2-5f"}), .exercise = exercise}), InputError);
+  Intervention intervention({.run = run_of({"cobra-5f"}), .exercise = exercise});
+  std::vector<std::string> choices;
+  for (const InstrumentModel& choice : intervention.choices()) choices.push_back(choice.name());
+  EXPECT_EQ(choices, (std::vector<std::string>{"cobra-5f", "vertebral-5f"}));
+  const auto state = [&] { return *intervention.run().monitor().state(); };
+  EXPECT_EQ(state().reached(), 0);
+
+  intervention.count_generator({.exposures = 7, .air_kerma_mGy = 2});
+  intervention.press_pedal(true);
+  intervention.manual()->set_rates(100, 0);
+  watch(intervention, {}, 10);
+  const auto json = nlohmann::json::parse(intervention.run().monitor().json(true));
+  EXPECT_GT(json["instruments"][0]["tip_path_mm"], 5);
+  EXPECT_EQ(json["exposures"], 7);
+  EXPECT_NEAR(json["fluoroscopy_s"], 1, 0.11);
+  EXPECT_TRUE(state().limits[0].passed_s);
+
+  intervention.manual()->set_rates(0, 0);
+  intervention.restart();
+  watch(intervention, {}, 2);
+  EXPECT_FALSE(state().limits[0].passed_s) << "the time before is that of another run";
+  const auto again = nlohmann::json::parse(intervention.run().monitor().json(false));
+  EXPECT_EQ(again["exposures"], 0);
+  EXPECT_EQ(again["air_kerma_mGy"], 0);
+}
+
+TEST_F(AtTheTable, TheReportNamesAnExchange) {
+  Intervention intervention({.run = run_of({"guide-6f", "guidewire-035-j"})});
+  intervention.exchange(1, InstrumentModel::named("microcatheter-27f"));
+  for (int i = 0; i < 500 && intervention.run().now().exchanges == 0; ++i) watch(intervention, {}, 1);
+  const auto report = nlohmann::json::parse(intervention.run().monitor().json(false));
+  EXPECT_EQ(report["instruments"][1]["name"], "microcatheter-27f");
+  EXPECT_EQ(report["instruments"][1]["exchanges"], 1);
+  EXPECT_FALSE(intervention.run().monitor().state());
 }
 
 TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {

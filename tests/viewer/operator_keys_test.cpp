@@ -1,5 +1,7 @@
 #include "xraycast/window/operator_keys.hpp"
 
+#include "xraycast/simulation/exercise.hpp"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -46,6 +48,17 @@ TEST(OperatorKeys, AreThoseThatDoSomethingNow) {
   EXPECT_THAT(keys_in(state), Contains("Ctrl drag"));
   state.has_valve = true;
   EXPECT_THAT(keys_in(state), testing::IsSupersetOf({"Tab", "V"}));
+}
+
+TEST(OperatorKeys, SaveTheReportOfAnExercise) {
+  OperatorState state = at_the_table();
+  state.has_exercise = true;
+  EXPECT_EQ(what_does("Ctrl+R", state), "save report");
+}
+
+TEST(OperatorKeys, HaveWordsForAllLimits) {
+  for (const ExerciseLimit& limit : kExerciseLimits)
+    EXPECT_NE(words_of_limit(limit.name), limit.name) << limit.name;
 }
 
 TEST(OperatorKeys, HoldABodyInMotion) {

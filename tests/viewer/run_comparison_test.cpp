@@ -2,11 +2,15 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/reports/plot.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
+#include <set>
 
 namespace xraycast::run_comparison_test {
 namespace {
@@ -59,11 +63,73 @@ TEST(SavedRun, RefusesWhatIsNone) {
 TEST(Runs, AreReadAsTheyWereWritten) {
   const std::vector<SavedRun> runs{SavedRun::parse(report(1), "a"), SavedRun::parse(report(2, kSeries), "b")};
   write_runs(file("all.json"), runs, SavedRun::parse(report(0.5), "best"));
-  const std::vector<SavedRun> again = read_runs(file("all.json"));
-  ASSERT_EQ(again.size(), 2);
-  EXPECT_EQ(again[1].json, runs[1].json);
+  const SavedRuns again = read_runs(file("all.json"));
+  ASSERT_EQ(again.runs.size(), 2);
+  EXPECT_EQ(again.runs[1].json, runs[1].json);
+  ASSERT_TRUE(again.reference);
+  EXPECT_EQ(again.reference->name, "best");
   write_runs(file("one.json"), {runs[0]});
-  EXPECT_EQ(read_runs(file("one.json"))[0].name, "a");
+  EXPECT_EQ(read_runs(file("one.json")).runs[0].name, "a");
+  EXPECT_FALSE(read_runs(file("one.json")).reference);
+}
+
+TEST(Runs, AreOfOneVersion) {
+  write_whole_file(file("two.json"), R"({"version": 2, "runs": [)" + report(1) + "]}");
+  EXPECT_THROW(read_runs(file("two.json")), InputError);
+  write_whole_file(file("none.json"), R"({"runs": [)" + report(1) + "]}");
+  EXPECT_THROW(read_runs(file("none.json")), InputError);
+}
+
+/// An exercise with so many of a list.
+std::string many(const std::string& list, int count, const std::string& time) {
+  std::string text = R"(, "exercise": {"title": "t", ")" + list + "\": [";
+  for (int k = 0; k < count; ++k)
+    text += (k > 0 ? "," : "") + (R"({"name": "n)" + std::to_string(k) + "\", \"" + time + "\": 1}");
+  return text + "]}";
+}
+
+TEST(SavedRun, HasAsManyTargetsAsAnExercise) {
+  EXPECT_EQ(SavedRun::parse(report(1, many("targets", 100, "reached_s")), "a").outcomes.size(), 100);
+  for (const char* list : {"targets", "limits", "forbidden_entries"})
+    EXPECT_THROW(SavedRun::parse(report(1, many(list, 101, "time_s")), "a"), InputError) << list;
+}
+
+TEST(SavedRun, KeepsItsNotes) {
+  const SavedRun run = SavedRun::parse(report(1, R"(, "notes": ["ends <early>"])"), "a");
+  write_runs(file("notes.html"), {run});
+  EXPECT_THAT(read_whole_file(file("notes.html")), HasSubstr("ends &lt;early&gt;"));
+  EXPECT_THROW(SavedRun::parse(report(1, R"(, "notes": [3])"), "a"), InputError);
+}
+
+// As many as there are in a plot over time, one above the other: no two are alike in colour or in dashes.
+TEST(Plot, TellsEightCurvesApart) {
+  std::vector<Curve> curves;
+  for (std::size_t c = 0; c < 8; ++c) {
+    curves.push_back({"", {}, {}, c});
+    for (int k = 0; k <= 100; ++k) curves.back().points.emplace_back(k, 10.0 * static_cast<double>(c));
+  }
+  const RgbPicture picture = plot("t", "x", "y", curves);
+  std::set<std::array<int, 3>> colours;
+  std::set<std::vector<bool>> patterns;
+  for (std::size_t c = 0; c < 8; ++c) {
+    const std::vector<Curve> alone{{"", {{0, 0}, {100, 80}}, Colour{1, 1, 1}},
+                                   {"", {{0, 40}, {100, 40}}, {}, c}};
+    const RgbPicture one = plot("t", "x", "y", alone);
+    // The row of the line, in the middle of the plot; strokes have less blue than paper and grid.
+    std::vector<bool> strokes;
+    for (int x = 90; x < 860; ++x) {
+      int darkest = 255;
+      for (int y = 270; y < 278; ++y) darkest = std::min<int>(darkest, one.rgb[3 * (900 * y + x) + 2]);
+      strokes.push_back(darkest < 150);
+    }
+    patterns.insert(strokes);
+  }
+  for (std::size_t i = 0; i + 2 < picture.rgb.size(); i += 3) {
+    const std::array<int, 3> pixel{picture.rgb[i], picture.rgb[i + 1], picture.rgb[i + 2]};
+    if (std::ranges::max(pixel) - std::ranges::min(pixel) > 60) colours.insert(pixel);
+  }
+  EXPECT_EQ(patterns.size(), 8);
+  EXPECT_GE(colours.size(), 7);  // and a grey
 }
 
 TEST(Runs, AreATableWithALineEach) {

@@ -1,6 +1,8 @@
 #include "xraycast/scene/same_scan.hpp"
 
+#include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -47,6 +49,33 @@ TEST(SameScan, RefusesABasisOfTheSameExtentInOtherSlices) {
 TEST(SameScan, TakesABasisOfOtherLayersOfOneScan) {
   EXPECT_NO_THROW(check_with(chest_map(4), chest_map(4)));
   EXPECT_NO_THROW(check_with(chest_map(4), chest_map(8)));
+}
+
+TEST(SameScan, TellsItsFileFromOthersOfThatName) {
+  const auto may_be = [](const std::string& source, const std::string& scan) {
+    return may_be_source(source, scan, "GE Genesis");
+  };
+  for (const char* same : {"GE Genesis chest", "chest", "GE Genesis a/chest", "GE Genesis ../a/chest",
+                           "GE Genesis ./a/../a/chest/", "GE Genesis /data/a/chest",
+                           "GE Genesis a/chest, breath 0.5", "GE Genesis a/chest/, breath 0.5"})
+    EXPECT_TRUE(may_be(same, "/data/a/chest/")) << same;
+  for (const char* other : {"", "GE Genesis b/chest", "GE Genesis ../b/chest", "GE Genesis /data/chest",
+                            "GE Genesis /data/b/chest, breath 0.5", "GE Genesis my a/chest",
+                            "GE Genesis a/chest 2", "GE Genesis a/my chest", "NRRD a/chest"})
+    EXPECT_FALSE(may_be(other, "/data/a/chest")) << other;
+}
+
+TEST(SameScan, TellsAFileThatIsThereFromOthersOfThatName) {
+  const TemporaryFolder folder;
+  for (const char* name : {"a", "b"}) {
+    std::filesystem::create_directory(folder / name);
+    write_whole_file(folder / name / "ct.nrrd", name);
+  }
+  std::filesystem::create_directory_symlink("a", folder / "link");
+  const std::string source = "NRRD " + (folder / "a" / "ct.nrrd").string();
+  for (const char* same : {"a", "link", "b/../a"})
+    EXPECT_TRUE(may_be_source(source, folder / same / "ct.nrrd", "NRRD")) << same;
+  EXPECT_FALSE(may_be_source(source, folder / "b" / "ct.nrrd", "NRRD"));
 }
 
 TEST(SameScan, ReadsTheInstantBehindASource) {

@@ -95,5 +95,27 @@ TEST_F(WebOutletTest, EndsWithItsServerAlsoWithoutBrowsers) {
   EXPECT_THAT([&] { wait_until([&] { return publish(), false; }); }, testing::ThrowsMessage<Error>("no log"));
 }
 
+TEST_F(WebOutletTest, TellsHowFarAnExerciseIs) {
+  const auto tree = std::make_shared<const VesselTree>(intervention_->run().tree());
+  const Exercise exercise = parse_exercise(R"({"title": "In", "task": "Go in.", "instruments": ["cobra-5f"],
+    "entry": [89, -54, -357], "targets": [{"at_mm": [88, -58, -325]}]})",
+                                           "e.json", *tree);
+  intervention_.emplace(Intervention::Options{
+      .run = {.tree = tree, .instruments = instruments_named(exercise.instruments), .entry = exercise.entry},
+      .exercise = exercise});
+  open(true);
+  WebTestTab tab(outlet_->server().page_address());
+  intervention_->manual()->set_rates(100, 0);
+  std::string told;
+  for (int k = 0; k < 500 && told.find(R"("is_complete":true)") == std::string::npos; ++k) {
+    publish();
+    for (std::string text = tab.receive().payload; text.starts_with('{'); text = tab.receive().payload)
+      told = text;
+  }
+  EXPECT_THAT(told, testing::HasSubstr(R"("exercise":{"title":"In")"));
+  EXPECT_THAT(told, testing::HasSubstr(R"("task":"Go in.")"));
+  EXPECT_THAT(told, testing::HasSubstr(R"("is_complete":true)"));
+}
+
 }  // namespace
 }  // namespace xraycast::web_outlet_test

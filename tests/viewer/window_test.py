@@ -23,6 +23,7 @@ import zlib
 PROGRAM, FILES = sys.argv[1], pathlib.Path(sys.argv[2])
 PATIENCE_S = 30
 INK, ROAD_MAP = (255, 210, 90), (190, 150, 60)
+DONE = (120, 210, 140)  # of an exercise
 XRAYS, HELD, CAP = (255, 196, 60), (130, 190, 255), (46, 52, 60)  # on the operator's screen
 
 
@@ -724,6 +725,44 @@ class Window(unittest.TestCase):
         self.wait_until(lambda: bright() > without + 300, "the road map")
         self.do("keyup", "x")
         self.keep_screen("road-map")
+
+    def test_shows_an_exercise_and_saves_its_report(self):
+        file = self.folder / "task.json"
+        file.write_text(json.dumps({
+            "title": "Into the aorta", "task": "From the left groin, bring the Cobra into the aorta.", "entry": [89, -54, -357],
+            "instruments": ["cobra-5f"], "devices": ["vertebral-5f"], "limits": {"time_s": 1, "wall_force_N": 100},
+            "targets": [{"name": "the groin", "at_mm": [88, -58, -325]}, {"at_mm": [6, -9, -52]}],
+            "forbidden": ["right external iliac artery"]}))
+        self.view(FILES / "map.exr", "--vessels", FILES / "truth", "--exercise", file, "--report", self.folder / "run.json")
+        self.wait_until(self.is_held, "the first picture")
+        self.do("key", "t", "t")
+        self.frame()
+        words = lambda colour: len(self.screen().find(colour, 0, 0, 300, 300))
+        self.assertTrue(words(HELD), "its title")
+        self.assertFalse(words(DONE) or words(XRAYS), "nothing is reached or passed yet")
+        self.do("keydown", "x", "keydown", "Up")
+        self.wait_until(lambda: words(DONE), "the first target")
+        one = self.wait_until(lambda: words(XRAYS), "the time is over")
+        self.do("keyup", "Up", "keyup", "x")
+        self.keep_screen("exercise")
+        self.do("key", "ctrl+r")
+        self.wait_until((self.folder / "run.json").exists, "the report")
+        first = json.loads((self.folder / "run.json").read_text())
+        self.assertEqual(first["exercise"]["title"], "Into the aorta")
+        self.assertIsNotNone(first["exercise"]["targets"][0]["reached_s"])
+        self.assertIsNotNone(first["exercise"]["limits"][0]["passed_s"])
+        self.assertGreater(first["fluoroscopy_s"], 0)
+        self.assertGreater(first["air_kerma_mGy"], 0)
+        self.do("key", "BackSpace")
+        self.wait_until(lambda: not words(DONE) and words(XRAYS) < one, "the exercise from its beginning")
+        self.do("key", "a")
+        self.frame()
+        self.assertFalse(words(HELD), "the panels take its place")
+        self.viewer.terminate()
+        self.assertEqual(self.viewer.wait(PATIENCE_S), 128 + signal.SIGTERM)
+        last = json.loads((self.folder / "run.json").read_text())
+        self.assertIsNone(last["exercise"]["targets"][0]["reached_s"])
+        self.assertLess(last["time_s"], first["time_s"])
 
     def test_holds_the_hub_by_the_mouse(self):
         self.steer("--haptic", "mouse")

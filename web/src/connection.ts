@@ -1,7 +1,10 @@
 // The WebSocket to the server of a live session, opened again whenever it is lost.
+import type { ToldExercise } from "./exercise";
+
 export interface Role {
   steers: boolean;
   browsers: number;
+  exercise?: ToldExercise; // of a server
 }
 
 export interface LinkListener {

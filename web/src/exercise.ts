@@ -26,6 +26,35 @@ function show_items(list: HTMLElement, items: readonly { words: string; kind: st
   while (list.children.length > items.length) list.lastElementChild!.remove();
 }
 
+/** What became of each target, and of forbidden vessels and limits; returns which target is next, -1 for none. */
+function show_progress(report: ExerciseReport): number {
+  const next = report.targets.findIndex(({ reached_s }) => reached_s === null);
+  const item = (words: string, kind: string) => ({ words, kind });
+  show_items(element("exercise-progress"), [
+    ...report.targets.map(({ name, reached_s }, t) => (reached_s === null ? item(`${t === next ? "▸" : "○"} ${name}`, t === next ? "next" : "") : item(`✓ ${name}: ${fixed(reached_s, 1)} s`, "done"))),
+    ...report.forbidden_entries.map(({ name, time_s }) => item(`✗ ${name} entered: ${fixed(time_s, 1)} s`, "fault")),
+    ...report.limits.filter(({ passed_s }) => passed_s !== null).map(({ name, limit, passed_s }) => item(`✗ ${kLimits[name] ?? name} above ${limit}${name.includes("_") ? ` ${name.slice(name.lastIndexOf("_") + 1)}` : ""}: ${fixed(passed_s!, 1)} s`, "fault")),
+  ]);
+  const result = element("exercise-result"), words = report.is_passed ? "Passed." : "Complete, but not passed: see what is marked ✗.";
+  result.hidden = !report.is_complete;
+  if (result.textContent !== words) result.textContent = words;
+  return next;
+}
+
+/** As a server tells of it. */
+export interface ToldExercise extends ExerciseReport {
+  title: string;
+  task: string;
+}
+
+/** The exercise of a live session, which its server has chosen. */
+export function show_told(told: ToldExercise): void {
+  for (const id of ["exercise-choice", "exercise-again", "exercise-mark"]) element(id).hidden = true;
+  element("exercise").hidden = false;
+  element("exercise-task").textContent = `${told.title}. ${told.task}`;
+  show_progress(told);
+}
+
 export class Exercise {
   private readonly exercise: ExerciseHeader | null;
   private shown = "";
@@ -56,16 +85,7 @@ export class Exercise {
     const text = JSON.stringify(report);
     if (!report || !this.exercise || text === this.shown) return;
     this.shown = text;
-    const next = report.targets.findIndex(({ reached_s }) => reached_s === null);
-    const item = (words: string, kind: string) => ({ words, kind });
-    show_items(element("exercise-progress"), [
-      ...report.targets.map(({ name, reached_s }, t) => (reached_s === null ? item(`${t === next ? "▸" : "○"} ${name}`, t === next ? "next" : "") : item(`✓ ${name}: ${fixed(reached_s, 1)} s`, "done"))),
-      ...report.forbidden_entries.map(({ name, time_s }) => item(`✗ ${name} entered: ${fixed(time_s, 1)} s`, "fault")),
-      ...report.limits.filter(({ passed_s }) => passed_s !== null).map(({ name, limit, passed_s }) => item(`✗ ${kLimits[name] ?? name} above ${limit}${name.includes("_") ? ` ${name.slice(name.lastIndexOf("_") + 1)}` : ""}: ${fixed(passed_s!, 1)} s`, "fault")),
-    ]);
-    const result = element("exercise-result"), words = report.is_passed ? "Passed." : "Complete, but not passed: see what is marked ✗.";
-    result.hidden = !report.is_complete;
-    if (result.textContent !== words) result.textContent = words;
+    const next = show_progress(report);
     this.next = next < 0 ? null : this.exercise.targets[next]!;
     if (this.is_marked) this.mark(this.next);
   }

@@ -42,6 +42,18 @@ std::string file_of(const void* pixels, OIIO::ImageSpec spec, const std::string&
   return {memory.buffer().begin(), memory.buffer().end()};
 }
 
+/// The mean of three colours; of one or two the first, because a second one is opacity. In place.
+std::vector<float> grey_of(std::vector<float> values, int channels) {
+  const auto step = static_cast<std::size_t>(channels);
+  const std::size_t pixels = values.size() / step;
+  for (std::size_t i = 0; i < pixels; ++i) {
+    const float* colours = &values[step * i];
+    values[i] = channels == 3 ? (colours[0] + colours[1] + colours[2]) / 3 : colours[0];
+  }
+  values.resize(pixels);
+  return values;
+}
+
 class OpenImageIo final : public PictureFormats {
  public:
   std::string bytes_of(std::span<const std::uint8_t> pixels, int width, int height, int channels,
@@ -74,18 +86,18 @@ class OpenImageIo final : public PictureFormats {
   FloatPicture read_grey(const std::string& path, int page) const override {
     const auto file = OIIO::ImageInput::open(path);
     if (!file) throw std::runtime_error(OIIO::geterror());
-    check(file->seek_subimage(page, 0), *file);
+    if (!file->seek_subimage(page, 0)) {
+      file->geterror();  // which names no page
+      throw std::runtime_error(no_page(page));
+    }
     const OIIO::ImageSpec spec = file->spec();
     if (spec.width > kMostPicturePixels || spec.height > kMostPicturePixels)
       throw std::runtime_error(kTooManyPixels);
     const int colours = std::min(spec.nchannels, 3);
-    OIIO::ImageBuf picture(OIIO::ImageSpec(spec.width, spec.height, colours, OIIO::TypeFloat));
-    check(file->read_image(page, 0, 0, colours, OIIO::TypeFloat, picture.localpixels()), *file);
-    if (colours == 3) picture = OIIO::ImageBufAlgo::channel_sum(picture, {1 / 3.F, 1 / 3.F, 1 / 3.F});
-    OIIO::ROI roi = picture.roi();
-    roi.chend = 1;  // a second one is opacity
-    FloatPicture read{roi.width(), roi.height(), std::vector<float>(roi.npixels()), false};
-    check(picture.get_pixels(roi, OIIO::TypeFloat, read.grey.data()), picture);
+    std::vector<float> values(static_cast<std::size_t>(spec.image_pixels()) *
+                              static_cast<std::size_t>(colours));  // an ImageBuf tells of no lack of memory
+    check(file->read_image(page, 0, 0, colours, OIIO::TypeFloat, values.data()), *file);
+    FloatPicture read{spec.width, spec.height, grey_of(std::move(values), colours), false};
     // OpenImageIO makes whole numbers shares of the largest.
     const float largest = spec.format == OIIO::TypeUInt8    ? 255.F
                           : spec.format == OIIO::TypeUInt16 ? 65535.F

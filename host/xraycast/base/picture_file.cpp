@@ -5,12 +5,16 @@
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/loaded_module.hpp"
 #include "xraycast/base/picture_formats.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/small_pictures.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
+#include <new>
 
 namespace xraycast {
 namespace {
@@ -46,20 +50,31 @@ decltype(auto) naming(const std::filesystem::path& path, const char* what, const
   }
 }
 
-/// The same where only the file can be at fault.
+/// The same where the file is at fault, unless memory is short.
 template <typename Work>
 decltype(auto) readable(const std::filesystem::path& path, const Work& work) {
+  const auto said = [&](const char* what) {
+    return fmt::format("{}: could not be read: {}", path.string(), excerpt(what));
+  };
   try {
     return work();
+  } catch (const std::bad_alloc&) {
+    throw Error("{}", said("not enough memory"));
   } catch (const std::exception& error) {
-    throw InputError("{}: could not be read: {}; make the picture again", path.string(),
-                     excerpt(error.what()));
+    const bool is_of_file = !dynamic_cast<const Error*>(&error) || dynamic_cast<const InputError*>(&error);
+    if (!is_of_file) throw Error("{}: {}", path.string(), error.what());
+    const std::string message = said(error.what());
+    throw InputError("{}{}", message, has_remedy(message, path) ? "" : "; make the picture again");
   }
 }
 
+/// Throws InputError when the file cannot be opened.
 bool is_png(const std::filesystem::path& path) {
+  require_regular_file(path);
   constexpr std::array<char, 4> kMagic{'\x89', 'P', 'N', 'G'};
   std::ifstream in(path, std::ios::binary);
+  if (!in)
+    throw InputError("{}: cannot be opened: {}; check its permissions", path.string(), std::strerror(errno));
   std::array<char, 4> first{};
   return in.read(first.data(), first.size()) && first == kMagic;
 }
@@ -104,7 +119,11 @@ RgbPicture read_picture(const std::filesystem::path& path) {
 }
 
 FloatPicture read_grey_picture(const std::filesystem::path& path, int page) {
-  if (is_png(path)) return readable(path, [&] { return read_grey_png(path); });
+  if (is_png(path))
+    return readable(path, [&] {
+      if (page != 0) throw InputError("{}", no_page(page));
+      return read_grey_png(path);
+    });
   const PictureFormats& formats = naming(path, "could not be read", xraycast::formats);
   return readable(path, [&] { return formats.read_grey(path.string(), page); });
 }

@@ -58,9 +58,9 @@ struct FloatPicture {
   bool has_next;  ///< the file has a page after this one
 };
 
-/// The numbers of a page of a picture file, as they are stored, whatever their type; the mean of colours.
-/// Throws InputError when it cannot be read or has more than 8192 pixels along a side; Error when, for a file
-/// that is no PNG, there is no OpenImageIO.
+/// The numbers of a page of a picture file, counted from 0, as they are stored; the mean of colours. Throws
+/// InputError when the file cannot be opened or read, lacks the page, or has more than 8192 pixels along a
+/// side; Error for a lack of memory and, but for a PNG, of OpenImageIO.
 FloatPicture read_grey_picture(const std::filesystem::path& path, int page = 0);
 
 }  // namespace xraycast

@@ -2,11 +2,18 @@
 
 #include "xraycast/base/picture_file.hpp"
 
+#include <string>
+
 namespace xraycast {
 
 /// Along a side of a picture that is read; and what is said of a larger one.
 inline constexpr int kMostPicturePixels = 8192;
-inline constexpr const char* kTooManyPixels = "it has more than 8192 pixels along a side";
+inline constexpr const char* kTooManyPixels = "it has more than 8192 pixels along a side; make it smaller";
+
+/// What is said of a page, counted from 0, that a file has not.
+inline std::string no_page(int page) {
+  return "it has no page " + std::to_string(page + 1) + "; name one that it has";
+}
 
 /// What the module of OpenImageIO does. Failures are std::exceptions that say what is wrong without naming
 /// the file.

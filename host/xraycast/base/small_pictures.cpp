@@ -22,9 +22,12 @@
 #include <cerrno>
 #include <csetjmp>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <half.h>
+#include <memory>
+#include <new>
 #include <png.h>
 #include <thread>
 
@@ -100,35 +103,44 @@ namespace {
 
 /// What reads a PNG, and the file that it reads.
 struct PngReading {
-  std::FILE* file = nullptr;
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file;
   png_structp png = nullptr;
   png_infop info = nullptr;
   std::string problem{};  ///< what libpng says, which would write it on stderr
+  bool is_memory_short = false;
 
-  explicit PngReading(const std::filesystem::path& path) : file(std::fopen(path.c_str(), "rb")) {
+  explicit PngReading(const std::filesystem::path& path) : file(std::fopen(path.c_str(), "rb"), std::fclose) {
     if (!file) throw InputError("{}", std::strerror(errno));
     const auto fail = [](png_structp failed, png_const_charp message) {
       static_cast<PngReading*>(png_get_error_ptr(failed))->problem = message;
       png_longjmp(failed, 1);
     };
-    png = png_create_read_struct(PNG_LIBPNG_VER_STRING, this, fail, [](png_structp, png_const_charp) {});
+    const auto allocate = [](png_structp of, png_alloc_size_t size_B) {
+      void* const memory = std::malloc(size_B);
+      if (!memory) static_cast<PngReading*>(png_get_mem_ptr(of))->is_memory_short = true;
+      return memory;
+    };
+    png = png_create_read_struct_2(
+        PNG_LIBPNG_VER_STRING, this, fail, [](png_structp, png_const_charp) {}, this, allocate,
+        [](png_structp, png_voidp memory) { std::free(memory); });
+    if (!png) throw std::bad_alloc();
     info = png_create_info_struct(png);
-    png_init_io(png, file);
+    if (!info) {
+      png_destroy_read_struct(&png, nullptr, nullptr);
+      throw std::bad_alloc();
+    }
+    png_init_io(png, file.get());
   }
   PngReading(const PngReading&) = delete;
   PngReading& operator=(const PngReading&) = delete;
-  ~PngReading() {
-    png_destroy_read_struct(&png, &info, nullptr);
-    std::fclose(file);
-  }
+  ~PngReading() { png_destroy_read_struct(&png, &info, nullptr); }
 
   /// Runs calls of libpng, which leave no object to destroy where one of them fails.
   template <typename Calls>
   void run(const Calls& calls) {
-    if (setjmp(png_jmpbuf(png)) == 0)
-      calls();
-    else
-      throw InputError("{}", problem);
+    if (setjmp(png_jmpbuf(png)) == 0) return calls();
+    if (is_memory_short) throw std::bad_alloc();
+    throw InputError("{}", problem);
   }
 };
 
@@ -146,7 +158,7 @@ FloatPicture read_grey_png(const std::filesystem::path& path) {
     png_read_update_info(png, info);
   });
   const auto width = png_get_image_width(png, info), height = png_get_image_height(png, info);
-  if (std::max(width, height) > png_uint_32{kMostPicturePixels}) throw InputError(kTooManyPixels);
+  if (std::max(width, height) > png_uint_32{kMostPicturePixels}) throw InputError("{}", kTooManyPixels);
   const std::size_t row_B = png_get_rowbytes(png, info), channels = png_get_channels(png, info);
   const bool has_16_bits = png_get_bit_depth(png, info) == 16;
   const std::int64_t pixels = std::int64_t{width} * height,

@@ -137,6 +137,12 @@ class SearchRange {
   double turn_rad_, aside_mm_, towards_mm_;
 };
 
+/// Of the search, in its cube: nearer than this the refinement finds a pose without a search.
+double precision_of(const RegisterRequest& request) {
+  constexpr double kNear_deg = 0.45, kNear_mm = 1.2, kLeast = 0.03, kMost = 0.3;
+  return std::clamp(std::min(kNear_deg / request.search_deg, kNear_mm / request.search_mm), kLeast, kMost);
+}
+
 struct Candidate {
   RigidMotion motion;
   double similarity;
@@ -260,6 +266,7 @@ std::vector<RigidMotion> Registrar::searched(Prepared& views, const RigidMotion&
     return optima.front().value;
   };
   options.seed = request_.seed;
+  options.precision = precision_of(request_);
   const double plain = search(Tone::log_intensity), inverted = search(Tone::inverted_log_intensity);
   search(inverted > plain ? Tone::inverted_log_intensity : Tone::log_intensity);
   constexpr double kApart_mm = 8;
@@ -401,6 +408,21 @@ Registration Registrar::follow(std::span<const Xray> xrays, const Registration& 
   if (sum(found) < kLeastShare * sum(last)) return find(xrays, last.motion, progress);
   found.seconds = 1e-3 * stopwatch.ms();
   return found;
+}
+
+std::vector<Registration> Registrar::track(std::span<const std::vector<Xray>> frames, Progress& progress) {
+  std::vector<Registration> found;
+  for (const std::vector<Xray>& xrays : frames)
+    found.push_back(found.empty() ? find(xrays, progress) : follow(xrays, found.back(), progress));
+  return found;
+}
+
+std::vector<std::string> notes_of(std::span<const Registration> frames) {
+  std::vector<std::string> notes;
+  for (const Registration& frame : frames)
+    for (const std::string& note : frame.notes)
+      if (std::ranges::find(notes, note) == notes.end()) notes.push_back(note);
+  return notes;
 }
 
 }  // namespace xraycast

@@ -56,6 +56,9 @@ struct Registration {
   std::vector<std::string> notes{};  ///< one line each
 };
 
+/// What they note, each line once, in order.
+std::vector<std::string> notes_of(std::span<const Registration> frames);
+
 /// Finds poses of one scan.
 class Registrar {
  public:
@@ -72,6 +75,10 @@ class Registrar {
   /// The same for the next pictures of a film: from the last pose on, without a search unless the pictures no
   /// longer fit.
   Registration follow(std::span<const Xray> xrays, const Registration& last, Progress& progress);
+
+  /// The poses in films, whose `frames` hold the X-rays of one moment each: the first is searched for, and
+  /// followed.
+  std::vector<Registration> track(std::span<const std::vector<Xray>> frames, Progress& progress);
 
  private:
   struct Prepared;

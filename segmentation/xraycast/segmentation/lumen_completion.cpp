@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <span>
 
 namespace xraycast {
 namespace {
@@ -21,15 +23,27 @@ void grow(Mask& vessels, long steps, const Joins& joins) {
 /// How many voxels of a size a width in mm has; at least one.
 long steps_of(double width_mm, double voxel_mm) { return std::max(1L, std::lround(width_mm / voxel_mm)); }
 
-/// Whether a voxel that shares a face with a lumen, and touches five of its voxels, is brighter than halfway
-/// from the darkest voxel to the brightest of the lumen, both within two steps. A wall's voxels touch nine;
-/// one that touches fewer than five is on its way to a stick of noise.
+std::ptrdiff_t touched(const Mask& lumen, const Index3& here) {
+  return std::ranges::count_if(kNeighbours, [&](const Index3& step) { return lumen.at(here + step); });
+}
+
+/// Whether a voxel is beside a lumen, and not on its way to a stick of noise: it shares a face with a voxel
+/// of it, and touches five. A wall's touch nine; those beside a line of single voxels, which touch two others
+/// at most, touch two or three.
+bool is_beside(const Mask& lumen, const Index3& here) {
+  constexpr std::ptrdiff_t kLeastTouched = 5, kLeastOfLine = 2;
+  if (!touches(lumen, here, Sharing::face)) return false;
+  const std::ptrdiff_t all = touched(lumen, here);
+  if (all >= kLeastTouched || all < kLeastOfLine) return all >= kLeastTouched;
+  const auto faces = std::span(kNeighbours).first(static_cast<std::size_t>(Sharing::face));
+  return std::ranges::all_of(
+      faces, [&](const Index3& step) { return !lumen.at(here + step) || touched(lumen, here + step) <= 2; });
+}
+
+/// Whether a voxel beside a lumen is brighter than halfway from the darkest voxel to the brightest of the
+/// lumen, both within two steps.
 bool is_half_filled(const Volume& scan, const Mask& lumen, const Index3& here) {
-  constexpr std::ptrdiff_t kLeastTouched = 5;
-  if (!touches(lumen, here, Sharing::face) || std::ranges::count_if(kNeighbours, [&](const Index3& step) {
-                                                return lumen.at(here + step);
-                                              }) < kLeastTouched)
-    return false;
+  if (!is_beside(lumen, here)) return false;
   const double own_hu = scan.at(here.x, here.y, here.z);
   double lumen_hu = own_hu, darkest_hu = own_hu;
   for (const Index3& step : kNeighbours)

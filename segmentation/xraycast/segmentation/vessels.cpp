@@ -4,7 +4,6 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/mask/components.hpp"
@@ -125,13 +124,6 @@ void remove_stale(const fs::path& file) {
                    error.message());
 }
 
-/// A copy of the file of names; the note on it.
-std::string keep_earlier_names(const fs::path& folder) {
-  const fs::path file = folder / kNamesFile, earlier = free_name_for_earlier(folder);
-  write_whole_file(earlier, read_whole_file(file));
-  return fmt::format("{}: written anew; the earlier file is {}", file.string(), earlier.string());
-}
-
 }  // namespace
 
 SurfaceKind surface_kind(const std::string& name) {
@@ -202,8 +194,11 @@ EditedNames write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_
     write_seg(scan, mask.geometry.spacing_mm.z, mask.voxels, {is_automatic, XRAYCAST_VERSION},
               folder / kVesselSegFile);
   for (const char* name : {"tree.vtp", "tree.json"}) write_tree(vessels.centrelines.tree, folder / name);
-  EditedNames names = with_edited_names(vessels.centrelines.tree, folder);
-  if (!names.is_all_taken) names.notes.push_back(keep_earlier_names(folder));
+  EditedNames names =
+      with_edited_names(vessels.centrelines.tree, folder, vessels.is_on_scan ? &mask.geometry : nullptr);
+  if (!names.is_all_taken)
+    names.notes.push_back(fmt::format("{}: written anew; the earlier file is {}",
+                                      (folder / kNamesFile).string(), keep_names(folder).string()));
   write_names(names.tree, folder / kNamesFile);
   for (const char* name : {"surface.vtp", "surface.stl"}) write_mesh(vessels.surface, folder / name);
   check_cancelled();

@@ -245,6 +245,17 @@ void WallContact::take_answers() {
   for (std::size_t q = 0; q < asking_.size(); ++q) take_sample(asking_[q], queries_[q].point_mm);
 }
 
+WallContact::TipPlace WallContact::tip_place(const Rod& rod) const {
+  Vector3d scan_mm = rod.state().nodes_mm.back();
+  if (body_) {
+    const MovingPoint& moving = moving_.back();
+    scan_mm = unpadded(load(moving.scan_mm.data()) +
+                       times(moving.jacobian, padded(scan_mm) - load(moving.body_mm.data())));
+  }
+  const LumenDistanceField::Sample sample = field_->at(scan_mm, contacts_.back().sample.hint);
+  return {scan_mm, sample.hint.branch, sample.arc_length_mm};
+}
+
 // ---- a body that moves ----------------------------------------------------------------------------------
 
 double WallContact::scale_now(std::size_t index) const {
@@ -346,17 +357,18 @@ void WallContact::rescale(std::size_t index, double scale) {
 /// scan, is as far from the rod as that lay from it before.
 [[gnu::always_inline]] inline void WallContact::shift_wall(std::size_t index, const Vector3d& moved_mm) {
   Contact& contact = contacts_[index];
-  const MovingPoint& moving = moving_[index];
+  MovingPoint& moving = moving_[index];
   LumenDistanceField::Sample& sample = contact.sample;
   const auto* one = std::get_if<LumenDistanceField::WallCurvature>(&sample.wall);
   const Vector3d turned = one ? one->times(moving.gradient, moved_mm)
                               : Vector3d(std::get<Eigen::Matrix3d>(sample.wall) * moved_mm);
   const double in_scan_mm =
       sample.clearance_mm / states_[index].scale - (moving.gradient + 0.5 * turned).dot(moved_mm);
+  moving.gradient += turned;
   const Lanes by_body = transposed_times(moving.jacobian, moving.gradient);
   const double scale = states_[index].scale = scale_of(moving.gradient, by_body);
   sample.clearance_mm = scale * in_scan_mm;
-  sample.gradient = scale * unpadded(by_body + transposed_times(moving.jacobian, turned));
+  sample.gradient = scale * unpadded(by_body);
   contact.depth_mm = std::max(0.0, radius_mm_ - sample.clearance_mm);
   states_[index].sampled_at_mm = unpadded(load(moving.scan_mm.data()));
 }

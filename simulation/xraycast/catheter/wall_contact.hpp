@@ -78,8 +78,14 @@ class WallContact final : public ExternalPotential {
   /// Of the moving wall on the rod, by the forces at the end of each step, since the beginning.
   double work_J() const;
 
-  /// What the place of the rod's tip shows.
-  const Eigen::Vector3d& tip_in_scan_mm() const { return states_.back().sampled_at_mm; }
+  /// Where the rod's tip is, by the wall around it now: what contacts() have of a tip that is clear of the
+  /// wall may be some millimetres old.
+  struct TipPlace {
+    Eigen::Vector3d scan_mm;  ///< what it shows
+    int branch = 0;
+    double arc_length_mm = 0;  ///< see LumenDistanceField::Sample
+  };
+  TipPlace tip_place(const Rod& rod) const;
 
   /// In the wall, in the friction springs, and in the introducer.
   double energy_J() const;

@@ -162,12 +162,12 @@ HubLoad Instruments::load(std::size_t instrument) const {
 }
 
 InstrumentTip Instruments::tip(std::size_t instrument) const {
-  const LumenDistanceField::Sample& sample = wall(instrument).contacts().back().sample;
+  const WallContact::TipPlace place = wall(instrument).tip_place(rod(instrument));
   return {.position_mm = to_glm(rod(instrument).state().nodes_mm.back()),
           .direction = to_glm(rod(instrument).state().edges.back().tangent),
-          .branch = sample.hint.branch,
-          .arc_length_mm = sample.arc_length_mm,
-          .scan_mm = to_glm(wall(instrument).tip_in_scan_mm())};
+          .branch = place.branch,
+          .arc_length_mm = place.arc_length_mm,
+          .scan_mm = to_glm(place.scan_mm)};
 }
 
 void Instruments::copy_nodes(std::size_t instrument, std::vector<glm::dvec3>& nodes_mm) const {

@@ -7,7 +7,7 @@ namespace xraycast {
 /// Friction (see Friction) of four contacts at once, in the plane of two displacements from their anchors.
 /// Those whose limit is zero have none.
 struct FrictionLanes {
-  Lanes spring_mN_mm, limit_mN, x_mm, y_mm;
+  Lanes spring_mN_mm{}, limit_mN{}, x_mm{}, y_mm{};
   Lanes length_mm = square_root(x_mm * x_mm + y_mm * y_mm);
   LaneMask slips = spring_mN_mm * length_mm > limit_mN;
 

@@ -157,6 +157,15 @@ std::string pack_load(std::size_t hub, const HubLoad& load) {
                      {IGTL_UNIT_SI_DERIVED_NEWTON, IGTL_UNIT_SI_BASE_METER});
 }
 
+std::string pack_text(std::string_view name, std::string_view text) {
+  constexpr char kUtf8 = 106;  // of IANA's character sets
+  constexpr unsigned kByte = 256;
+  if (text.size() > kMostText_B) return {};
+  std::string body{'\0', kUtf8, static_cast<char>(text.size() / kByte),
+                   static_cast<char>(text.size() % kByte)};
+  return pack_message("STRING", name, body.append(text));
+}
+
 std::string pack_status(IgtlinkStatus status, std::string_view text) {
   constexpr std::size_t kSubcode_B = 8, kErrorName_B = 20;
   std::string body{'\0', static_cast<char>(status)};

@@ -45,6 +45,10 @@ std::string pack_load(std::size_t hub, const HubLoad& load);
 enum class IgtlinkStatus : std::uint16_t { ok = 1, busy = 6 };
 std::string pack_status(IgtlinkStatus status, std::string_view text);
 
+/// STRING, in UTF-8; empty where the text has more than kMostText_B bytes, as many as the protocol can count.
+inline constexpr std::size_t kMostText_B = 65535;
+std::string pack_text(std::string_view name, std::string_view text);
+
 /// Any message of this type and name.
 std::string pack_message(std::string_view type, std::string_view name, std::string body);
 

@@ -69,6 +69,7 @@ std::optional<Query> query_of(std::string_view type) {
       {"STT_", StreamRequest::Kind::start},
       {"STP_", StreamRequest::Kind::stop}};
   constexpr std::pair<std::string_view, IgtlinkStream> kTypes[] = {{"IMAGE", IgtlinkStream::image},
+                                                                   {"STRING", IgtlinkStream::text},
                                                                    {"POINT", IgtlinkStream::point},
                                                                    {"TRANSFOR", IgtlinkStream::transform},
                                                                    {"TRANS", IgtlinkStream::transform}};

@@ -23,10 +23,10 @@ struct HubOffset {
   std::uint64_t client = 0;
 };
 
-/// What a client asks for with GET_, STT_ and STP_: pictures (IMAGE), the instruments' shapes (POINT) and
-/// their tips (TRANSFORM).
-enum class IgtlinkStream { image, point, transform };
-inline constexpr std::size_t kIgtlinkStreams = 3;
+/// What a client asks for with GET_, STT_ and STP_: pictures (IMAGE), the run's report (STRING), the
+/// instruments' shapes (POINT) and their tips (TRANSFORM).
+enum class IgtlinkStream { image, text, point, transform };
+inline constexpr std::size_t kIgtlinkStreams = 4;
 
 /// Whether clients may watch a session.
 struct IgtlinkWatching {

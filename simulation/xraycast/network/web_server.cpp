@@ -160,6 +160,12 @@ class WebServer::Server {
     }
     asio::post(io_, [this] { spread(); });
   }
+  void tell(std::string exercise) {
+    asio::post(io_, [this, told = std::move(exercise)]() mutable {
+      exercise_ = std::move(told);
+      tell_roles();
+    });
+  }
   std::atomic<std::size_t> browsers{0}, most_browsers{0};
 
   // For visits and browsers.
@@ -195,7 +201,7 @@ class WebServer::Server {
   void tell_roles();
 
   int seats_taken_ = 0;  // before io_: what io_ destroys gives its seat back
-  std::string token_ = random_token(), page_;
+  std::string token_ = random_token(), page_, exercise_;
   Events events_;
   RateLimitedLog log_;
   std::shared_ptr<const std::string> newest_;
@@ -442,7 +448,8 @@ void WebServer::Server::tell_roles() {
 std::shared_ptr<const std::string> WebServer::Server::role_of(const Browser& browser) const {
   const bool steers = !browsers_.empty() && browsers_.front().get() == &browser;
   return std::make_shared<const std::string>(
-      fmt::format(R"({{"steers":{},"browsers":{}}})", steers, browsers_.size()));
+      fmt::format(R"({{"steers":{},"browsers":{}{}}})", steers, browsers_.size(),
+                  exercise_.empty() ? "" : R"(,"exercise":)" + exercise_));
 }
 
 void WebServer::Server::receive(const Browser& browser, bool is_text, std::string_view message) {
@@ -501,5 +508,6 @@ std::size_t WebServer::browsers() const { return server_->browsers; }
 std::size_t WebServer::most_browsers() const { return server_->most_browsers; }
 void WebServer::check() const { server_->check(); }
 void WebServer::publish(std::string state) { server_->publish(std::move(state)); }
+void WebServer::tell(std::string exercise) { server_->tell(std::move(exercise)); }
 
 }  // namespace xraycast

@@ -67,6 +67,10 @@ class WebServer {
   /// not wait for them.
   void publish(std::string state);
 
+  /// Tells all browsers, also those that come later, with who steers: JSON that the text message {"steers",
+  /// "browsers"} has as "exercise" from now on.
+  void tell(std::string exercise);
+
  private:
   class Server;
   class Visit;

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <glm/common.hpp>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -97,8 +98,10 @@ std::vector<int> vessel_of(const nlohmann::json& value, const std::string& field
   return branches;
 }
 
-std::string title_of(const nlohmann::json& value, const std::vector<int>& branches, const VesselTree& tree) {
-  return value.is_string() ? value.get<std::string>() : tree.title(branches.front());
+/// In words that can be read back, whatever the vessel is called.
+std::string title_of(std::string_view lead, int branch, const VesselTree& tree) {
+  const std::string name = vessel_name_of(tree.title(branch));
+  return vessel_name_of(fmt::format("{}{}", lead, name.empty() ? fmt::format("branch {}", branch) : name));
 }
 
 glm::dvec3 place_of(const nlohmann::json& value, const std::string& field) {
@@ -138,7 +141,7 @@ ExerciseTarget target_of(const nlohmann::json& value, const std::string& where, 
   if (fields.has("vessel")) {
     if (fields.has("radius_mm")) throw InputError("{}: applies to \"at_mm\"", fields.field("radius_mm"));
     target.branches = vessel_of(fields.value("vessel"), fields.field("vessel"), tree);
-    target.name = title_of(fields.value("vessel"), target.branches, tree);
+    target.name = title_of("", target.branches.front(), tree);
     if (fields.has("depth_mm")) target.depth_mm = fields.number("depth_mm", kMostDepth_mm);
     if (const double deepest_mm = VesselDepth(tree, target.branches).deepest_mm();
         target.depth_mm > deepest_mm)
@@ -149,7 +152,7 @@ ExerciseTarget target_of(const nlohmann::json& value, const std::string& where, 
     target.at_mm = place_of(fields.value("at_mm"), fields.field("at_mm"));
     if (fields.has("radius_mm")) target.radius_mm = fields.number("radius_mm", kMostRadius_mm);
     check_in_lumen(target, fields.field("at_mm"), tree);
-    target.name = fmt::format("place in {}", tree.title(tree.nearest(target.at_mm).branch));
+    target.name = title_of("place in ", tree.nearest(target.at_mm).branch, tree);
   }
   if (fields.has("name")) target.name = fields.text("name", kLongestTitle);
   if (!fields.has("instrument")) return target;
@@ -164,7 +167,8 @@ ExerciseTarget target_of(const nlohmann::json& value, const std::string& where, 
 ForbiddenVessel forbidden_in(const nlohmann::json& value, const std::string& field, const VesselTree& tree) {
   if (!value.is_object()) {
     std::vector<int> branches = vessel_of(value, field, tree);
-    return {title_of(value, branches, tree), std::move(branches)};
+    std::string name = title_of("", branches.front(), tree);
+    return {std::move(name), std::move(branches)};
   }
   const ExerciseFields fields(value, field, {"name", "vessel"});
   return {fields.text("name", kLongestTitle),
@@ -241,22 +245,40 @@ std::string to_json(const Exercise& exercise) {
   json["limits"] = ExerciseJson::object();
   for (const auto& [key, limit] : kExerciseLimits)
     if (exercise.limits.*limit) json["limits"][key] = *(exercise.limits.*limit);
-  return json.dump();
+  return json.dump(-1, ' ', false, ExerciseJson::error_handler_t::replace);  // names of files are any bytes
 }
 
+namespace {
+
+/// A place on a branch, with the vessel's radius.
+TargetMark mark_on(const VesselTree& tree, int number, double arc_length_mm) {
+  const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(number)];
+  const std::vector<double>& arcs_mm = branch.arc_length_mm;
+  const double arc_mm = std::clamp(arc_length_mm, 0.0, arcs_mm.back());
+  const auto after = std::max<std::ptrdiff_t>(
+      1, std::distance(arcs_mm.begin(), std::lower_bound(arcs_mm.begin(), arcs_mm.end(), arc_mm)));
+  const auto k = static_cast<std::size_t>(after);
+  const double share = (arc_mm - arcs_mm[k - 1]) / (arcs_mm[k] - arcs_mm[k - 1]);
+  const VesselPoint &from = branch.points[k - 1], &to = branch.points[k];
+  return {glm::mix(from.position_mm, to.position_mm, share), glm::mix(from.radius_mm, to.radius_mm, share),
+          number, arc_mm};
+}
+
+}  // namespace
+
 TargetMark mark_of(const ExerciseTarget& target, const VesselTree& tree) {
-  if (target.branches.empty()) return {target.at_mm, target.radius_mm};
+  if (target.branches.empty()) {
+    const VesselTree::Location near = tree.nearest(target.at_mm);
+    return {target.at_mm, target.radius_mm, near.branch, near.arc_length_mm};
+  }
   const VesselDepth vessel(tree, target.branches);
   for (std::size_t b = 0; b < target.branches.size(); ++b) {
+    const double arc_mm = target.depth_mm - vessel.start_mm(b);
     const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(target.branches[b])];
-    const auto at = std::lower_bound(branch.arc_length_mm.begin(), branch.arc_length_mm.end(),
-                                     target.depth_mm - vessel.start_mm(b));
-    if (at == branch.arc_length_mm.end()) continue;
-    const VesselPoint& point = branch.points[static_cast<std::size_t>(at - branch.arc_length_mm.begin())];
-    return {point.position_mm, point.radius_mm};
+    if (arc_mm >= 0 && arc_mm <= branch.arc_length_mm.back())
+      return mark_on(tree, target.branches[b], arc_mm);
   }
-  const VesselPoint& end = tree.branches()[static_cast<std::size_t>(target.branches.back())].points.back();
-  return {end.position_mm, end.radius_mm};
+  return mark_on(tree, target.branches.back(), target.depth_mm);  // by a rounding beyond its end
 }
 
 VesselDepth::VesselDepth(const VesselTree& tree, std::vector<int> branches) : branches_(std::move(branches)) {
@@ -273,7 +295,16 @@ VesselDepth::VesselDepth(const VesselTree& tree, std::vector<int> branches) : br
     starts_mm_.push_back(start_mm);
     deepest_mm_ = std::max(deepest_mm_,
                            start_mm + tree.branches()[static_cast<std::size_t>(branch)].arc_length_mm.back());
+    for (const int child : tree.branches()[static_cast<std::size_t>(branch)].children)
+      if (!is_of_vessel(child))
+        walls_mm_[child] = tree.branches()[static_cast<std::size_t>(branch)].points.back().radius_mm;
   }
+}
+
+std::optional<double> VesselDepth::beyond_mm(int branch, double arc_length_mm) const {
+  const auto at = walls_mm_.find(branch);
+  if (at == walls_mm_.end()) return std::nullopt;
+  return arc_length_mm - at->second;
 }
 
 std::optional<double> VesselDepth::of_mm(int branch, double arc_length_mm) const {

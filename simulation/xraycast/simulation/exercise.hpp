@@ -8,6 +8,7 @@
 #include <array>
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -82,6 +83,8 @@ void check_allowed(const Exercise& exercise, const std::vector<InstrumentModel>&
 struct TargetMark {
   glm::dvec3 at_mm{0, 0, 0};
   double radius_mm = 0;
+  int branch = 0;            ///< of the tree; of a place, the nearest one
+  double arc_length_mm = 0;  ///< from its first point
 };
 TargetMark mark_of(const ExerciseTarget& target, const VesselTree& tree);
 
@@ -95,12 +98,17 @@ class VesselDepth {
   /// Of a place on a branch, as an InstrumentTip has it; none outside the vessel.
   std::optional<double> of_mm(int branch, double arc_length_mm) const;
 
+  /// Of a place on a branch that leaves the vessel: how far it is beyond the vessel's wall there. None
+  /// elsewhere.
+  std::optional<double> beyond_mm(int branch, double arc_length_mm) const;
+
   double deepest_mm() const { return deepest_mm_; }                         ///< of the vessel's ends
   double start_mm(std::size_t branch) const { return starts_mm_[branch]; }  ///< of a branch of them
 
  private:
   std::vector<int> branches_;
-  std::vector<double> starts_mm_;  ///< depth at each branch's first point
+  std::vector<double> starts_mm_;   ///< depth at each branch's first point
+  std::map<int, double> walls_mm_;  ///< of the branches that leave it: where they pass its wall
   double deepest_mm_ = 0;
 };
 

@@ -13,7 +13,7 @@
 namespace xraycast {
 namespace {
 
-/// A preset's name stays; another one is that of a file beside the exercise.
+/// That of a file beside the exercise, where there is one.
 std::string beside(const std::string& name, const std::filesystem::path& exercise) {
   const std::filesystem::path file = exercise.parent_path() / name;
   std::error_code error;
@@ -23,9 +23,10 @@ std::string beside(const std::string& name, const std::filesystem::path& exercis
 /// The names of files become those from here.
 std::vector<InstrumentModel> read_models(std::vector<std::string>& names, const char* field,
                                          const std::filesystem::path& exercise) {
+  const std::vector<std::string> presets = InstrumentModel::preset_names();
   std::vector<InstrumentModel> models;
   for (std::string& name : names) {
-    name = beside(name, exercise);
+    if (std::ranges::find(presets, name) == presets.end()) name = beside(name, exercise);
     try {
       models.push_back(InstrumentModel::named(name));
     } catch (const InputError& error) {

@@ -13,6 +13,13 @@ std::optional<double> depth_of(const VesselDepth& vessel, const InstrumentTip& t
   return vessel.of_mm(tip.branch, tip.arc_length_mm);
 }
 
+/// Not where it is between both, so that a tip that trembles enters once.
+bool has_left(const VesselDepth& vessel, const InstrumentTip& tip) {
+  if (const std::optional<double> depth_mm = depth_of(vessel, tip)) return *depth_mm <= 0;
+  const std::optional<double> beyond_mm = vessel.beyond_mm(tip.branch, tip.arc_length_mm);
+  return !beyond_mm || *beyond_mm >= ExerciseProgress::kEntered_mm;
+}
+
 }  // namespace
 
 std::size_t ExerciseState::reached() const {
@@ -72,11 +79,11 @@ bool ExerciseProgress::is_reached(std::size_t target, const Instruments& instrum
 void ExerciseProgress::add_entries(const Instruments& instruments, double time_s) {
   for (std::size_t v = 0; v < forbidden_depths_.size(); ++v)
     for (std::size_t d = 0; d < instruments.count(); ++d) {
-      const std::optional<double> depth_mm = depth_of(forbidden_depths_[v], instruments.tip(d));
-      if (!is_in_[v][d] && depth_mm >= kEntered_mm) {
+      const InstrumentTip tip = instruments.tip(d);
+      if (!is_in_[v][d] && depth_of(forbidden_depths_[v], tip) >= kEntered_mm) {
         is_in_[v][d] = true;
         state_.forbidden_entries.push_back({exercise_.forbidden[v].name, d, time_s});
-      } else if (!(depth_mm > 0.0)) {
+      } else if (has_left(forbidden_depths_[v], tip)) {
         is_in_[v][d] = false;
       }
     }

@@ -42,7 +42,7 @@ struct ExerciseState {
 class ExerciseProgress {
  public:
   /// A tip has entered a forbidden vessel when it is so deep in it (see VesselDepth), and left it when it is
-  /// no longer beyond its origin.
+  /// no longer beyond its origin, or so far in a vessel that leaves it.
   static constexpr double kEntered_mm = 5;
 
   ExerciseProgress(Exercise exercise, const VesselTree& tree);

@@ -101,7 +101,14 @@ std::string RunMonitor::json(bool has_series) const {
   for (std::size_t d = 0; d < names_.size(); ++d)
     json["instruments"].push_back(json_of(figures.instruments[d], names_[d]));
   if (progress_) json["exercise"] = json_of(*progress_);
-  if (has_series) json["series"] = json_of(report_.series());
+  if (!has_series) return json.dump();
+  json["series"] = json_of(report_.series());
+  if (report_.is_series_cut()) {
+    constexpr double kHour_s = 3600;
+    const double hours = RunReport::kSeries_s * static_cast<double>(RunReport::kMostSeries) / kHour_s;
+    json["notes"] = ReportJson::array(
+        {fmt::format("the values over time end after {:g} h; the figures are of all of the run", hours)});
+  }
   return json.dump();
 }
 

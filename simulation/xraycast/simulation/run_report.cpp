@@ -144,7 +144,10 @@ void RunReport::add_window(std::size_t instrument, const Instruments& instrument
 }
 
 void RunReport::add_series(const Instruments& instruments) {
-  if (series_.time_s.size() >= kMostSeries) return;
+  if (series_.time_s.size() >= kMostSeries) {
+    is_series_cut_ = true;
+    return;
+  }
   series_.time_s.push_back(figures_.time_s);
   for (std::size_t d = 0; d < instruments.count(); ++d) {
     RunSeries::Values& values = series_.instruments[d];

@@ -85,6 +85,7 @@ class RunReport {
 
   const RunFigures& figures() const { return figures_; }
   const RunSeries& series() const { return series_; }
+  bool is_series_cut() const { return is_series_cut_; }  ///< the run is longer than the series
   /// The sum of the forces on the wall of any instrument at the last step, the largest one.
   double wall_N() const { return wall_N_; }
 
@@ -121,6 +122,7 @@ class RunReport {
   std::vector<InstrumentContact> contacts_;
   std::vector<bool> moves_;
   double wall_N_ = 0;
+  bool is_series_cut_ = false;
   long steps_ = 0, idle_steps_ = 0;  ///< since a hub moved first
 };
 

@@ -52,11 +52,12 @@ void raise_priority() {
 }  // namespace
 
 SimulationLoop::SimulationLoop(std::unique_ptr<Instruments> instruments, Hand hand, Exchanged exchanged,
-                               Body body)
+                               Body body, Watch watch)
     : instruments_(std::move(instruments)),
       hand_(std::move(hand)),
       exchanged_(std::move(exchanged)),
       body_(std::move(body)),
+      watch_(std::move(watch)),
       hubs_(instruments_->count()),
       loads_(instruments_->count()),
       histogram_(kBins, 0) {
@@ -94,6 +95,7 @@ bool SimulationLoop::exchange_if_asked() {
     next_.refusal.reset();
     list_instruments();
     if (exchanged_) exchanged_(instrument, model);
+    watch(instrument);
   } catch (const InputError& error) {
     next_.refusal = std::make_shared<const ExchangeRefusal>(ExchangeRefusal{instrument, error.what()});
   }
@@ -148,6 +150,7 @@ void SimulationLoop::run() {
 
 void SimulationLoop::step_until_stopped() {
   raise_priority();
+  watch();
   const auto period =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(instruments_->step_s()));
   auto begin = Clock::now();
@@ -163,6 +166,7 @@ void SimulationLoop::step_until_stopped() {
       instruments_->step(targets, body_(step_s));
     else
       instruments_->step(targets);
+    watch();
     publish();
     begin += period;
     const auto now = Clock::now();

@@ -76,8 +76,12 @@ class SimulationLoop {
   /// body moves in it (see Instruments::step). Must not block.
   using Body = std::function<std::span<const double>(double step_s)>;
 
+  /// Called in the loop's thread before the first step, after each one, and after each exchange, then with
+  /// the instrument's number. Must not block.
+  using Watch = std::function<void(const Instruments& instruments, std::optional<std::size_t> exchanged)>;
+
   SimulationLoop(std::unique_ptr<Instruments> instruments, Hand hand, Exchanged exchanged = {},
-                 Body body = {});
+                 Body body = {}, Watch watch = {});
   ~SimulationLoop();
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
@@ -100,6 +104,9 @@ class SimulationLoop {
   void step_until_stopped();
   bool exchange_if_asked();
   void list_instruments();
+  void watch(std::optional<std::size_t> exchanged = {}) const {
+    if (watch_) watch_(*instruments_, exchanged);
+  }
   void publish();
   void publish(std::size_t instrument, InstrumentSnapshot& snapshot);
   void count(double step_ms, bool is_late);
@@ -108,6 +115,7 @@ class SimulationLoop {
   Hand hand_;
   Exchanged exchanged_;
   Body body_;  ///< none: the body stays as it is
+  Watch watch_;
   std::vector<HubPose> hubs_;
   std::vector<HubLoad> loads_;
   CatheterSnapshot next_;

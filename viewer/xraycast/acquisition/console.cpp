@@ -160,6 +160,14 @@ DoseRecord FluoroscopyConsole::dose() const {
           before_.pulses + now.pulses};
 }
 
+RunUse FluoroscopyConsole::use() const {
+  const DoseRecord now = dose();
+  return {.fluoroscopy_s = now.fluoroscopy_s,
+          .exposures = now.pulses,
+          .air_kerma_mGy = now.air_kerma_mGy,
+          .dap_Gycm2 = now.dap_Gycm2};
+}
+
 Technique FluoroscopyConsole::technique() const {
   return acquisition_ ? acquisition_->fluoroscope()->technique() : Technique{};
 }

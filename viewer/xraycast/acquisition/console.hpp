@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/acquisition/acquisition.hpp"
+#include "xraycast/simulation/run_report.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -67,6 +68,8 @@ class FluoroscopyConsole {
   bool shows_road_map() const { return !road_map_.empty(); }
 
   DoseRecord dose() const;
+  /// The same as a run's report has it.
+  RunUse use() const;
   Technique technique() const;
   double kerma_rate() const;  ///< mGy/min, at the reference point
   bool is_locked() const { return acquisition_ && acquisition_->is_held(); }  ///< the exposure control

@@ -12,9 +12,12 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <iterator>
 
 namespace xraycast {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr int kMargin = 12, kTop = 32, kCaption = 28, kFont = 15, kMinWidth = 240, kGain = 4;
 constexpr Colour kInk{0.9, 0.9, 0.9};
@@ -35,9 +38,34 @@ std::vector<std::uint8_t> greys_of(const std::vector<std::uint8_t>& rgb) {
   return greys;
 }
 
-std::string title_of(const ComparedMap& compared) {
-  return fmt::format("{}, {}", std::filesystem::path(compared.name).stem().string(),
-                     contents_of(*compared.map));
+/// The last names of a path, `count` of them, without the ending.
+std::string last_names(const fs::path& path, std::ptrdiff_t count) {
+  const fs::path stem = path.parent_path() / path.stem();
+  fs::path names;
+  for (auto part = std::next(stem.begin(),
+                             std::max<std::ptrdiff_t>(0, std::distance(stem.begin(), stem.end()) - count));
+       part != stem.end(); ++part)
+    names /= *part;
+  return names.string();
+}
+
+/// A map's name, with as many folders as tell it from the others'.
+std::string distinct_name(const std::vector<ComparedMap>& maps, std::size_t number) {
+  const fs::path path = maps[number].name;
+  const auto all = std::distance(path.begin(), path.end());
+  const auto is_shared = [&](std::ptrdiff_t count) {
+    return std::ranges::count_if(maps, [&](const ComparedMap& other) {
+             return other.name != maps[number].name &&
+                    last_names(other.name, count) == last_names(path, count);
+           }) > 0;
+  };
+  std::ptrdiff_t count = 1;
+  while (count < all && is_shared(count)) ++count;
+  return last_names(path, count);
+}
+
+std::string title_of(const CompareRequest& request, std::size_t map) {
+  return fmt::format("{}, {}", distinct_name(request.maps, map), contents_of(*request.maps[map].map));
 }
 
 /// A measure that a plot shows, and the label of its axis.
@@ -76,7 +104,7 @@ GreyPlate comparison_picture(const CompareRequest& request, const ComparedFrame&
   const int pitch = std::max(width, kMinWidth) + kMargin;
   Canvas sheet(kMargin + 3 * pitch, kTop + height + kCaption, {0.11, 0.11, 0.11});
   sheet.text({kMargin, kTop - 10},
-             fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", title_of(request.maps[compared.map]),
+             fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", title_of(request, compared.map),
                          label(compared.view), compared.similarity.psnr_db, compared.similarity.ssim),
              kFont, kInk);
   for (int i = 0; i < 3; ++i) {
@@ -92,11 +120,11 @@ RgbPicture comparison_plot(const std::string& scan, const std::string& measure, 
   const Measure& shown = measure_named(measure);
   std::vector<Curve> curves;
   for (std::size_t i = 0; i < comparisons.size(); ++i) {
-    curves.push_back({title_of(request.maps[i]), {}});
+    curves.push_back({title_of(request, i), {}});
     for (std::size_t v = 0; v < request.angles_deg.size(); ++v)
       curves.back().points.emplace_back(request.angles_deg[v], shown.of(comparisons[i].views[v].covered));
   }
-  return plot(fmt::format("{}, compositing {}", std::filesystem::path(scan).filename().string(),
+  return plot(fmt::format("{}, compositing {}", fs::path(scan).filename().string(),
                           to_string(request.sampling.compositing)),
               "C-arm angle (deg)", shown.label, curves);
 }

@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <span>
+#include <vector>
 
 namespace xraycast {
 namespace {
@@ -13,12 +15,21 @@ namespace {
 constexpr int kWidth = 900, kHeight = 560, kLeft = 80, kRight = 24, kTop = 48, kBottom = 60;
 constexpr int kFont = 15;
 constexpr Colour kPaper{1, 1, 1}, kInk{0.15, 0.15, 0.18}, kGrid{0.87, 0.87, 0.89};
-constexpr std::array<Colour, 6> kColours{{{0.12, 0.40, 0.75},
+constexpr std::array<Colour, 8> kColours{{{0.12, 0.40, 0.75},
                                           {0.85, 0.37, 0.10},
                                           {0.16, 0.55, 0.24},
                                           {0.60, 0.20, 0.60},
                                           {0.45, 0.45, 0.10},
-                                          {0.10, 0.55, 0.60}}};
+                                          {0.10, 0.55, 0.60},
+                                          {0.92, 0.30, 0.55},
+                                          {0.25, 0.25, 0.28}}};
+
+/// Strokes and gaps, in pixels; round ends take 2 of a gap. They differ where colours do not for an eye.
+std::span<const double> dashes_of(const Curve& curve) {
+  static const std::array<std::vector<double>, 8> patterns{
+      {{}, {10, 7}, {1, 5}, {12, 6, 1, 6}, {24, 8}, {12, 5, 1, 5, 1, 5}, {5, 6}, {24, 6, 1, 6}}};
+  return patterns[curve.dashes % patterns.size()];
+}
 
 /// The range of an axis, extended to round numbers.
 struct Axis {
@@ -103,7 +114,7 @@ RgbPicture plot(const std::string& title, const std::string& x_label, const std:
     const Colour colour = colour_of(curves, c);
     std::vector<glm::dvec2> points;
     for (const auto& [x, y] : curves[c].points) points.emplace_back(at_x(x), at_y(y));
-    canvas.line(points, colour, 2);
+    canvas.line(points, colour, 2, dashes_of(curves[c]));
     if (points.size() < 50)  // more spots would overlap
       for (const glm::dvec2& point : points) canvas.spot(point, 3, colour);
   }
@@ -113,12 +124,18 @@ RgbPicture plot(const std::string& title, const std::string& x_label, const std:
     for (const auto& [x, y] : curve.points)
       if (at_y(y) < kTop + 20 * (static_cast<int>(curves.size()) + 1))
         on_right += 2 * at_x(x) > kLeft + kWidth - kRight ? 1 : -1;
+  const bool has_dashes = std::ranges::any_of(curves, [](const Curve& curve) { return curve.dashes > 0; });
+  const double sample = has_dashes ? 64 : 0;  // of the line, before its name
   for (std::size_t c = 0; curves.size() > 1 && c < curves.size(); ++c) {
     const double y = kTop + 20 + 20.0 * static_cast<double>(c);
-    const double width = canvas.text_width(curves[c].name, kFont);
+    const double width = sample + canvas.text_width(curves[c].name, kFont);
     const double left = on_right > 0 ? kLeft + 12 : kWidth - kRight - 8 - width;
     canvas.fill({left - 4, y - kFont, width + 8, kFont + 5}, kPaper);
-    text(canvas, left, y, curves[c].name, colour_of(curves, c));
+    const Colour colour = colour_of(curves, c);
+    if (has_dashes)
+      canvas.line(std::array{glm::dvec2(left, y - 5), glm::dvec2(left + sample - 10, y - 5)}, colour, 2,
+                  dashes_of(curves[c]));
+    text(canvas, left + sample, y, curves[c].name, colour);
   }
   return {kWidth, kHeight, canvas.rgb()};
 }

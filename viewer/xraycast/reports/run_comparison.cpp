@@ -11,13 +11,15 @@
 #include "xraycast/reports/html_page.hpp"
 #include "xraycast/reports/plot.hpp"
 
-#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -63,6 +65,8 @@ constexpr std::array<Figure, 5> kCurves{{{"insertion_mm", "insertion", "mm", 0},
                                          {"torque_mNm", "torque at the hub", "mN m", 0},
                                          {"wall_force_N", "force on the wall", "N", 0}}};
 constexpr std::size_t kMostInstruments = 3, kMostValues = 100'000, kMostRuns = 1000;
+// Of an exercise; entries into at most so many forbidden vessels may be many.
+constexpr std::size_t kMostTargets = 100, kMostNotes = 10;
 
 // ---- reading
 
@@ -128,18 +132,22 @@ void read_exercise(const SavedJson& exercise, const std::string& where, SavedRun
   run.exercise = text_in(exercise, "title", where);
   run.is_complete = is_set("is_complete");
   run.is_passed = is_set("is_passed");
-  const auto add = [&](const char* list, const char* time, const char* lead, const char* otherwise) {
-    for (const SavedJson& one : list_in(exercise, list, kMostValues, where)) {
+  const auto add = [&](const char* list, std::size_t most, const char* time, const char* lead,
+                       const char* otherwise) {
+    std::set<std::string> names;
+    for (const SavedJson& one : list_in(exercise, list, most, where)) {
       if (!one.is_object()) throw InputError("{}: \"{}\" has {}", where, list, excerpt(one.dump()));
       const bool has_time = find(one, time) != nullptr;
       if (!has_time && !*otherwise) continue;
-      run.outcomes.emplace_back(lead + text_in(one, "name", where),
-                                has_time ? seconds(one, time, where) : otherwise);
+      const std::string name = text_in(one, "name", where);
+      if (names.insert(name).second && names.size() > kMostTargets)
+        throw InputError("{}: \"{}\" has more than {} names", where, list, kMostTargets);
+      run.outcomes.emplace_back(lead + name, has_time ? seconds(one, time, where) : otherwise);
     }
   };
-  add("targets", "reached_s", "", "not reached");
-  add("forbidden_entries", "time_s", "forbidden: ", "");
-  add("limits", "passed_s", "limit passed: ", "");
+  add("targets", kMostTargets, "reached_s", "", "not reached");
+  add("forbidden_entries", kMostValues, "time_s", "forbidden: ", "");
+  add("limits", kMostTargets, "passed_s", "limit passed: ", "");
 }
 
 void read_series(const SavedJson& series, const std::string& where, SavedRun& run) {
@@ -158,9 +166,24 @@ void read_series(const SavedJson& series, const std::string& where, SavedRun& ru
   }
 }
 
-SavedRun saved_run(SavedJson json, const std::string& name, const std::string& origin) {
+bool has_version(const SavedJson& json) {
   const SavedJson* version = json.is_object() ? find(json, "version") : nullptr;
-  if (!version || *version != 1 || !find(json, "instruments"))
+  return version && *version == 1;
+}
+
+std::vector<std::string> notes_in(const SavedJson& json, const std::string& origin) {
+  const SavedJson* notes = find(json, "notes");
+  if (!notes) return {};
+  const auto is_text = [](const SavedJson& note) { return note.is_string(); };
+  if (!notes->is_array() || notes->size() > kMostNotes || !std::ranges::all_of(*notes, is_text))
+    throw InputError("{}: \"notes\" is not a list of at most {} texts", origin, kMostNotes);
+  std::vector<std::string> lines;
+  for (const SavedJson& note : *notes) lines.push_back(printable_line(note.get<std::string>()));
+  return lines;
+}
+
+SavedRun saved_run(SavedJson json, const std::string& name, const std::string& origin) {
+  if (!has_version(json) || !find(json, "instruments"))
     throw InputError("{}: is no report of a run; save one by --report of `xraycast simulate`, or in a page",
                      origin);
   SavedRun run{.name = text_in(json, "name", origin),
@@ -174,6 +197,7 @@ SavedRun saved_run(SavedJson json, const std::string& name, const std::string& o
   }
   if (const SavedJson* exercise = find(json, "exercise"))
     read_exercise(*exercise, origin + ": \"exercise\"", run);
+  run.notes = notes_in(json, origin);
   if (const SavedJson* series = find(json, "series")) read_series(*series, origin + ": \"series\"", run);
   json["name"] = run.name;
   run.json = json.dump(-1, ' ', false, SavedJson::error_handler_t::replace);
@@ -222,23 +246,29 @@ std::string outcome_of(const SavedRun& run) {
   return run.is_passed ? "passed" : run.is_complete ? "complete, but not passed" : "not complete";
 }
 
+/// What became of each target, forbidden vessel and limit, in the order in which they first come.
+std::string outcomes_of(const std::vector<SavedRun>& runs) {
+  std::vector<std::string> names;
+  std::map<std::string, std::map<const SavedRun*, std::string>> outcomes;
+  for (const SavedRun& run : runs)
+    for (const auto& [name, what] : run.outcomes) {
+      if (!outcomes.contains(name)) names.push_back(name);
+      std::string& all = outcomes[name][&run];
+      all += (all.empty() ? "" : ", ") + what;
+    }
+  std::string html;
+  for (const std::string& name : names)
+    html += row(name, runs, [&](const SavedRun& run) { return outcomes[name][&run]; });
+  return html;
+}
+
 std::string table_of(const std::vector<SavedRun>& runs) {
   std::string html = "<div class=\"wide\"><table>\n<tr><th></th>";
   for (const SavedRun& run : runs) html += cell("th", run.name);
   html += "</tr>\n";
   html += row("exercise", runs, [](const SavedRun& run) { return run.exercise; });
   html += row("result", runs, outcome_of);
-  std::vector<std::string> names;  // of outcomes, in the order in which they first come
-  for (const SavedRun& run : runs)
-    for (const auto& [name, what] : run.outcomes)
-      if (std::ranges::find(names, name) == names.end()) names.push_back(name);
-  for (const std::string& name : names)
-    html += row(name, runs, [&](const SavedRun& run) {
-      std::string all;
-      for (const auto& [other, what] : run.outcomes)
-        if (other == name) all += (all.empty() ? "" : ", ") + what;
-      return all;
-    });
+  html += outcomes_of(runs);
   for (const Figure& figure : kOfRun)
     html += row(figure.words, runs, [&](const SavedRun& run) { return value_of(run.figures, figure); });
   for (std::size_t d = 0; d < most_instruments(runs); ++d) {
@@ -250,6 +280,8 @@ std::string table_of(const std::vector<SavedRun>& runs) {
         return d < run.of_instruments.size() ? value_of(run.of_instruments[d], figure) : std::string();
       });
   }
+  html +=
+      row("note", runs, [](const SavedRun& run) { return fmt::format("{}", fmt::join(run.notes, "; ")); });
   return html + "</table></div>\n";
 }
 
@@ -271,7 +303,7 @@ std::string plots_over_time(const std::vector<SavedRun>& runs) {
       for (std::size_t d = 0; d < run.curves.size() && curves.size() < kMostCurves; ++d) {
         const std::string instrument =
             d < run.instruments.size() ? run.instruments[d] : fmt::format("instrument {}", d + 1);
-        Curve curve{runs.size() == 1 ? instrument : run.name + ", " + instrument, {}};
+        Curve curve{runs.size() == 1 ? instrument : run.name + ", " + instrument, {}, {}, curves.size()};
         const std::vector<double>& values = run.curves[d].at(figure.name);
         for (std::size_t i = 0; i < values.size(); ++i) curve.points.emplace_back(run.time_s[i], values[i]);
         if (curve.points.size() > 1) curves.push_back(std::move(curve));
@@ -294,7 +326,7 @@ std::string learning_curves(const std::vector<SavedRun>& runs, const std::option
     if (curve.points.size() < 2) return;
     std::vector<Curve> curves{std::move(curve)};
     if (const std::optional<double> value = reference ? value_in(*reference) : std::nullopt)
-      curves.push_back({"reference", {{1, *value}, {static_cast<double>(runs.size()), *value}}});
+      curves.push_back({"reference", {{1, *value}, {static_cast<double>(runs.size()), *value}}, {}, 1});
     const std::string unit = *figure.unit ? fmt::format(" ({})", figure.unit) : "";
     html += picture_of(fmt::format("{} over the runs", figure.words), "run", figure.words + unit, curves);
   };
@@ -392,14 +424,17 @@ SavedRun SavedRun::parse(const std::string& text, const std::string& name, const
   return saved_run(parsed(text, origin), name, origin);
 }
 
-std::vector<SavedRun> read_runs(const std::filesystem::path& path) {
+SavedRuns read_runs(const std::filesystem::path& path) {
   const std::string origin = path.string(), name = printable_line(path.stem().string());
   SavedJson json = parsed(read_whole_file(path), origin);
-  if (!json.is_object() || !find(json, "runs")) return {saved_run(std::move(json), name, origin)};
-  std::vector<SavedRun> runs;
+  if (!json.is_object() || !find(json, "runs")) return {{saved_run(std::move(json), name, origin)}};
+  if (!has_version(json)) throw InputError("{}: \"version\" is not 1, the only one that there is", origin);
+  SavedRuns all;
   for (const SavedJson& run : list_in(json, "runs", kMostRuns, origin))
-    runs.push_back(saved_run(run, fmt::format("{} {}", name, runs.size() + 1), origin));
-  return runs;
+    all.runs.push_back(saved_run(run, fmt::format("{} {}", name, all.runs.size() + 1), origin));
+  if (const SavedJson* reference = find(json, "reference"))
+    all.reference = saved_run(*reference, "reference", origin + ": \"reference\"");
+  return all;
 }
 
 void check_report_name(const std::filesystem::path& path, const std::string& name) {
@@ -416,6 +451,10 @@ void write_runs(const std::filesystem::path& path, const std::vector<SavedRun>& 
   std::vector<SavedRun> all = runs;
   if (reference) all.insert(all.begin(), *reference);
   write_whole_file(path, csv_of(all));
+}
+
+void write_report(const std::filesystem::path& path, const std::string& json) {
+  write_runs(path, {SavedRun::parse(json, printable_line(path.stem().string()))});
 }
 
 }  // namespace xraycast

@@ -22,8 +22,9 @@ struct SavedRun {
   /// In words, each with what became of it, such as `7.8 s`.
   std::vector<std::pair<std::string, std::string>> outcomes{};
   std::vector<double> time_s{};
-  std::vector<Curves> curves{};  ///< of each instrument, as many values as times
-  std::string json{};            ///< as it was read, with its name
+  std::vector<Curves> curves{};      ///< of each instrument, as many values as times
+  std::vector<std::string> notes{};  ///< what to know of it, in words
+  std::string json{};                ///< as it was read, with its name
 
   /// Parses what RunMonitor::json and a page's "Save report" give. A name in the text goes before `name`.
   /// Throws InputError, with `origin` in front, for anything else.
@@ -31,8 +32,13 @@ struct SavedRun {
                         const std::string& origin = "report");
 };
 
-/// Runs of files, each of one run or of several, as write_runs writes them. Throws InputError.
-std::vector<SavedRun> read_runs(const std::filesystem::path& path);
+struct SavedRuns {
+  std::vector<SavedRun> runs;
+  std::optional<SavedRun> reference{};  ///< with which they are compared
+};
+
+/// A file of one run or of several, as write_runs writes it. Throws InputError.
+SavedRuns read_runs(const std::filesystem::path& path);
 
 /// Throws InputError, with `name` in front, for a file that ends in neither .html, .csv nor .json.
 void check_report_name(const std::filesystem::path& path, const std::string& name);
@@ -42,5 +48,8 @@ void check_report_name(const std::filesystem::path& path, const std::string& nam
 /// InputError as check_report_name, and Error where it cannot be written.
 void write_runs(const std::filesystem::path& path, const std::vector<SavedRun>& runs,
                 const std::optional<SavedRun>& reference = {}, const std::string& title = "Report of runs");
+
+/// One run alone, by RunMonitor::json with its series, named as the file.
+void write_report(const std::filesystem::path& path, const std::string& json);
 
 }  // namespace xraycast

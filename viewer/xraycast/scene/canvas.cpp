@@ -118,11 +118,14 @@ void Canvas::fill(const PixelBox& box, const Colour& colour) {
   cairo_fill(drawing_->cairo.get());
 }
 
-void Canvas::line(std::span<const glm::dvec2> points, const Colour& colour, double thickness) {
+void Canvas::line(std::span<const glm::dvec2> points, const Colour& colour, double thickness,
+                  std::span<const double> dashes) {
   drawing_->begin(colour);
+  cairo_set_dash(drawing_->cairo.get(), dashes.data(), static_cast<int>(dashes.size()), 0);
   cairo_set_line_width(drawing_->cairo.get(), thickness);
   for (const glm::dvec2& point : points) cairo_line_to(drawing_->cairo.get(), point.x, point.y);
   cairo_stroke(drawing_->cairo.get());
+  cairo_set_dash(drawing_->cairo.get(), nullptr, 0, 0);
 }
 
 void Canvas::spot(const glm::dvec2& centre, double radius, const Colour& colour) {

@@ -40,8 +40,9 @@ class Canvas {
 
   void fill(const PixelBox& box, const Colour& colour);
 
-  /// A line from point to point, with round joins and ends.
-  void line(std::span<const glm::dvec2> points, const Colour& colour, double thickness = 1);
+  /// A line from point to point, with round joins and ends; with `dashes` of strokes and gaps by turns.
+  void line(std::span<const glm::dvec2> points, const Colour& colour, double thickness = 1,
+            std::span<const double> dashes = {});
 
   /// A disc.
   void spot(const glm::dvec2& centre, double radius, const Colour& colour);

@@ -16,6 +16,8 @@
 namespace xraycast {
 namespace {
 
+namespace fs = std::filesystem;
+
 bool is_same(const FieldOfView& a, const FieldOfView& b) {
   constexpr double kSame_mm = 0.01;  // files of scans round coordinates to 32-bit floats or a few digits
   return glm::all(glm::lessThan(glm::abs(a.lower_mm - b.lower_mm), glm::dvec3(kSame_mm))) &&
@@ -79,6 +81,25 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const MapG
   if (!same)
     throw InputError("{} was not cast from the scan of {}: their geometries differ; give its own basis", name,
                      basis_name);
+}
+
+bool may_be_source(const std::string& source, const fs::path& scan, const std::string& format) {
+  fs::path path = fs::absolute(scan).lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();
+  const std::string place = source.starts_with(format + " ") ? source.substr(format.size() + 1) : source;
+  const std::string name = path.filename().string();
+  const auto at = place.rfind(name);
+  if (at == std::string::npos) return false;
+  std::string_view behind = std::string_view(place).substr(at + name.size());
+  if (behind.starts_with("/")) behind.remove_prefix(1);
+  if (!behind.empty() && !behind.starts_with(", ")) return false;
+  const fs::path told = fs::path(place.substr(0, at) + name).lexically_normal();
+  std::error_code error;
+  if (fs::exists(told, error) && fs::exists(path, error)) return fs::equivalent(told, path, error);
+  if (told.is_absolute()) return told == path;
+  const std::vector<fs::path> parts(told.begin(), told.end()), all(path.begin(), path.end());
+  const auto [end, other] = std::mismatch(parts.rbegin(), parts.rend(), all.rbegin(), all.rend());
+  return end == parts.rend() || *end == "..";
 }
 
 std::map<std::string, double> instant_of(const std::string& source) {

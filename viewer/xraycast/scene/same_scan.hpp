@@ -5,6 +5,7 @@
 #include "xraycast/motion/motion_request.hpp"
 #include "xraycast/volume/volume.hpp"
 
+#include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
@@ -20,6 +21,11 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const Volu
 /// the same geometry. Layers and angles may differ.
 void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
                      const std::string& basis_name);
+
+/// Whether the source of a map may be this file or folder of a scan, which a reader knows as `format`: all of
+/// their paths agree that both tell, from the file's name upwards. Sources are relative to the folder in
+/// which a map was cast.
+bool may_be_source(const std::string& source, const std::filesystem::path& scan, const std::string& format);
 
 /// The phases by mode, those at 0 left out, that the source of a map or scan names behind it, as those of an
 /// instant do (Casting::describe): `scan.nrrd, breath 1, heart 0`. Empty for one at rest.

@@ -64,8 +64,19 @@ void IgtlinkOutlet::publish(const LiveFrame& frame) {
   else if (frame.is_outdated)
     server_->withdraw(IgtlinkStream::image);
   const SimulatedRun& run = frame.intervention.run();
+  publish_report(run);
   publish_or_withdraw(IgtlinkStream::point, [&] { return shapes_of(run); });
   publish_or_withdraw(IgtlinkStream::transform, [&] { return tips_of(run); });
+}
+
+/// A few times a second.
+void IgtlinkOutlet::publish_report(const SimulatedRun& run) {
+  constexpr double kInterval_s = 0.2;
+  const double passed_s = run.now().time_s - reported_s_;
+  if (server_->wanted(IgtlinkStream::text) && reported_s_ >= 0 && passed_s >= 0 && passed_s < kInterval_s)
+    return;
+  reported_s_ = run.now().time_s;
+  publish_or_withdraw(IgtlinkStream::text, [&] { return pack_text("Report", run.monitor().json(false)); });
 }
 
 /// What nobody asked for is not packed, and what was packed earlier is too old for whoever asks next.

@@ -7,8 +7,8 @@
 
 namespace xraycast {
 
-/// Publishes a session over OpenIGTLink: pictures, shapes and tips for clients that ask for them
-/// (docs/haptics.md).
+/// Publishes a session over OpenIGTLink: pictures, shapes, tips and the run's report for clients that ask for
+/// them (docs/haptics.md).
 class IgtlinkOutlet final : public LiveOutlet {
  public:
   /// The server of a session.
@@ -19,11 +19,13 @@ class IgtlinkOutlet final : public LiveOutlet {
   void publish(const LiveFrame& frame) override;
 
  private:
+  void publish_report(const SimulatedRun& run);
   template <typename Pack>
   void publish_or_withdraw(IgtlinkStream stream, const Pack& pack);
 
   std::shared_ptr<IgtlinkDevice> server_;
   std::uint64_t c_arm_moves_ = 0, body_texts_ = 0;
+  double reported_s_ = -1;  ///< the run's time at its last report
 };
 
 /// The hubs of a server that outlives a run.

@@ -10,6 +10,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <type_traits>
 #include <utility>
 
 namespace xraycast {
@@ -17,12 +18,22 @@ namespace {
 
 const Intervention::Options& checked(const Intervention::Options& options) {
   check(options.run);
+  if (options.exercise) check_allowed(*options.exercise, options.run.instruments);
   return options;
 }
 
-/// The presets, those that are in use as they are, and what else is.
-std::vector<InstrumentModel> choices_of(const std::vector<InstrumentModel>& used) {
-  std::vector<InstrumentModel> choices = instruments_named(InstrumentModel::preset_names());
+/// The presets or what an exercise allows, those that are in use as they are, and what else is.
+std::vector<InstrumentModel> choices_of(const std::vector<InstrumentModel>& used,
+                                        const std::optional<Exercise>& exercise) {
+  std::vector<std::string> names = InstrumentModel::preset_names();
+  if (exercise) {
+    names = exercise->instruments;
+    names.insert(names.end(), exercise->devices.begin(), exercise->devices.end());
+  }
+  std::vector<InstrumentModel> choices;
+  for (const InstrumentModel& model : instruments_named(names))
+    if (std::ranges::find(choices, model.name(), &InstrumentModel::name) == choices.end())
+      choices.push_back(model);
   for (const InstrumentModel& model : used) {
     const auto same = std::ranges::find(choices, model.name(), &InstrumentModel::name);
     if (same == choices.end())
@@ -61,7 +72,7 @@ Intervention::Intervention(const Options& options)
     : options_(checked(options)),
       moving_(SimulatedRun::Moving::of(options.run)),
       road_map_(tree_at(options.run, phases_at(options.run.body, 0))),
-      choices_(choices_of(options.run.instruments)) {
+      choices_(choices_of(options.run.instruments, options.exercise)) {
   start(options.run.script, options.run.instruments);
 }
 
@@ -71,7 +82,7 @@ void Intervention::start(const std::optional<Script>& script,
   request.instruments = instruments;
   const auto hand_over = [&](std::unique_ptr<HapticDevice> to) {
     manual_ = dynamic_cast<ManualDevice*>(to.get());
-    run_ = std::make_unique<SimulatedRun>(request, std::move(to), moving_);
+    run_ = std::make_unique<SimulatedRun>(request, std::move(to), moving_, options_.exercise);
   };
   const bool was_recording = run_ && run_->is_recording();
   run_.reset();  // a port is free again
@@ -84,6 +95,23 @@ void Intervention::start(const std::optional<Script>& script,
   if (was_recording) run_->start_recording();
   has_picture_ = false;
   refused_.reset();
+  used_before_ = {};
+  used_before_ = use();
+}
+
+/// In this run.
+RunUse Intervention::use() const {
+  const auto since = [](const auto& now, const auto& before) {
+    using Value = std::remove_cvref_t<decltype(*now)>;
+    return now ? std::optional<Value>(*now - before.value_or(0)) : std::nullopt;
+  };
+  RunUse now = generator_;
+  if (!now.fluoroscopy_s) now.fluoroscopy_s = fluoroscopy_s_;
+  return {.fluoroscopy_s = since(now.fluoroscopy_s, used_before_.fluoroscopy_s),
+          .exposures = since(now.exposures, used_before_.exposures),
+          .air_kerma_mGy = since(now.air_kerma_mGy, used_before_.air_kerma_mGy),
+          .dap_Gycm2 = since(now.dap_Gycm2, used_before_.dap_Gycm2),
+          .contrast_ml = run_->injected_ml()};
 }
 
 void Intervention::exchange(std::size_t instrument, const InstrumentModel& model) {
@@ -121,6 +149,7 @@ void Intervention::update(const CArmPose& pose, double passed_s) {
   run_->update();
   if (refused_ && exchange_obstacle(*refused_).empty()) refused_.reset();
   if (pedal_) fluoroscopy_s_ += passed_s;
+  run_->monitor().use(use());
   // The first exposure needs no pedal, so that there is a picture to hold.
   has_exposed_ = !has_picture_ || (pedal_ && is_open);
   if (!has_exposed_) return;

@@ -24,8 +24,9 @@ class Intervention {
  public:
   struct Options {
     RunRequest run{};
-    std::string haptic = "keyboard";  ///< one of haptic_names(); moves the hubs where no script does
-    std::string listen{};             ///< openigtlink: address; empty: the default
+    std::string haptic = "keyboard";     ///< one of haptic_names(); moves the hubs where no script does
+    std::string listen{};                ///< openigtlink: address; empty: the default
+    std::optional<Exercise> exercise{};  ///< begins with every run; its instruments alone may be taken
     /// Makes the device at every start, instead of `haptic`.
     std::function<std::unique_ptr<HapticDevice>()> make_device{};
   };
@@ -73,7 +74,14 @@ class Intervention {
   /// Where that was refused, one line that says what to do, as long as it holds; else empty.
   std::string note_on_exchange(std::size_t instrument) const;
 
-  /// What an instrument can be exchanged for: the presets, and what the options name.
+  /// Null without one.
+  const Exercise* exercise() const { return options_.exercise ? &*options_.exercise : nullptr; }
+
+  /// What a generator of X-rays has used since it was switched on, for the report of the run.
+  void count_generator(const RunUse& use) { generator_ = use; }
+
+  /// What an instrument can be exchanged for: the presets, and what the options name; in an exercise what it
+  /// allows.
   const std::vector<InstrumentModel>& choices() const { return choices_; }
 
   /// The instruments and the road map in that picture.
@@ -124,6 +132,7 @@ class Intervention {
   void start(const std::optional<Script>& script, const std::vector<InstrumentModel>& instruments);
   std::vector<Surface> surfaces_at(double later_s) const;
   std::string exchange_obstacle(std::size_t instrument) const;
+  RunUse use() const;
 
   Options options_;
   SimulatedRun::Moving moving_;
@@ -131,6 +140,7 @@ class Intervention {
   std::unique_ptr<SimulatedRun> run_;
   bool pedal_ = false, has_picture_ = false, has_exposed_ = false;
   double fluoroscopy_s_ = 0;
+  RunUse generator_, used_before_;  ///< the latter as the run began
   CArmPose pose_;
   std::vector<std::vector<glm::dvec3>> nodes_mm_;  ///< of each instrument
   std::shared_ptr<const std::vector<InstrumentModel>> exposed_;

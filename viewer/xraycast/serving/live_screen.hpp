@@ -31,6 +31,7 @@ class LiveScreen final : public LivePainter {
 
   bool is_due(bool is_live, bool is_gate_open, double passed_s) override;
   PulseBlur blur(const CArmPose& pose) const override;
+  RunUse use() const override { return console_ ? console_->use() : RunUse{}; }
   const LivePicture& draw(const Intervention& intervention) override;
 
   /// Null without a fluoroscope.

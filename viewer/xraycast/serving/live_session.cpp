@@ -24,6 +24,7 @@ void LiveSession::step(double passed_s) {
 /// drawn.
 void LiveSession::expose(double passed_s) {
   intervention_.blur(painter_.blur(pose_));
+  intervention_.count_generator(painter_.use());
   intervention_.update(pose_, passed_s);
   const bool is_live = intervention_.is_live();
   const bool is_new = std::exchange(exposures_, intervention_.exposures()) != intervention_.exposures();

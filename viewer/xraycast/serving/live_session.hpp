@@ -28,6 +28,9 @@ class LivePainter {
     return {};
   }
 
+  /// What its pulses have used; nothing where they are none.
+  virtual RunUse use() const { return {}; }
+
   /// The last exposure, valid until the next call. Throws InputError where it cannot be drawn.
   virtual const LivePicture& draw(const Intervention& intervention) = 0;
 };

@@ -33,7 +33,8 @@ SimulatedRun::Moving SimulatedRun::Moving::of(const RunRequest& request) {
                                                *request.body.motion, progress)};
 }
 
-SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device, Moving moving)
+SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device, Moving moving,
+                           const std::optional<Exercise>& exercise)
     : tree_(request.tree),
       device_(std::move(device)),
       couplings_(*device_, max_insertions_mm(request.instruments)),
@@ -41,6 +42,7 @@ SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevi
       contrast_(*tree_),
       moving_(std::move(moving)),
       body_from_s_(moving_.body ? moving_.body->time_s() : 0),
+      monitor_(progress_of(exercise, *tree_)),
       loop_(
           std::make_unique<Instruments>(*tree_, request.instruments, entry_of(request),
                                         options_in(request, moving_)),
@@ -50,7 +52,10 @@ SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevi
           [this](std::size_t hub, const InstrumentModel& instrument) {
             couplings_.replace(hub, {}, max_insertion_mm(instrument));
           },
-          clock_of_body(moving_)),
+          clock_of_body(moving_),
+          [this](const Instruments& instruments, std::optional<std::size_t> exchanged) {
+            monitor_.add(instruments, exchanged);
+          }),
       now_(&loop_.snapshot()) {}
 
 void SimulatedRun::update() {

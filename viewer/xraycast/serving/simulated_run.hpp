@@ -8,6 +8,7 @@
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/serving/live_body.hpp"
+#include "xraycast/serving/live_monitor.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/run.hpp"
 #include "xraycast/simulation/simulation_loop.hpp"
@@ -41,8 +42,9 @@ class SimulatedRun {
   SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device)
       : SimulatedRun(request, std::move(device), Moving::of(request)) {}
 
-  /// The same in a body that goes on from where it is.
-  SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device, Moving moving);
+  /// The same in a body that goes on from where it is, and with an exercise, as it begins.
+  SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device, Moving moving,
+               const std::optional<Exercise>& exercise = {});
 
   /// Takes the newest state of the simulation and advances the contrast agent to its time. Call once per
   /// frame.
@@ -69,6 +71,10 @@ class SimulatedRun {
   void inject(double ml_s) { injection_ml_s_ = ml_s; }
   double injection_ml_s() const { return injection_ml_s_; }
   double injected_ml() const { return injected_ml_; }
+
+  /// What is counted of the run.
+  LiveMonitor& monitor() { return monitor_; }
+  const LiveMonitor& monitor() const { return monitor_; }
 
   /// Now, or so much later as they go on.
   std::vector<Surface> instruments(double later_s = 0) const;
@@ -115,6 +121,7 @@ class SimulatedRun {
   bool is_recording_ = false;
   std::vector<Poses> recorded_;
   std::shared_ptr<const std::vector<InstrumentModel>> recorded_of_;
+  LiveMonitor monitor_;
   SimulationLoop loop_;  ///< last: its thread uses what is above
   const CatheterSnapshot* now_;
   std::vector<std::vector<glm::dvec3>> before_mm_;  ///< the instruments' nodes at the update before

@@ -3,6 +3,8 @@
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/instrument_curve.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <utility>
 
@@ -48,6 +50,25 @@ void WebOutlet::publish(const LiveFrame& frame) {
   if (message_.exposures != static_cast<std::uint32_t>(intervention.exposures())) take_exposure(intervention);
   if (LiveBody* body = frame.body) take_body(*body);
   server_.publish(packed(message_));
+  if (intervention.exercise()) tell_exercise(intervention);
+}
+
+/// What is new of how far it is, twice a second.
+void WebOutlet::tell_exercise(const Intervention& intervention) {
+  constexpr double kInterval_s = 0.5;
+  const SimulatedRun& run = intervention.run();
+  const double now_s = run.now().time_s;
+  if (told_s_ >= 0 && now_s >= told_s_ && now_s < told_s_ + kInterval_s) return;
+  told_s_ = now_s;
+  const auto report = nlohmann::ordered_json::parse(run.monitor().json(false), nullptr, false);
+  if (!report.is_object()) return;  // before the first step
+  nlohmann::ordered_json exercise = report.at("exercise");
+  exercise["task"] = intervention.exercise()->task;
+  for (auto& limit : exercise["limits"]) limit.erase("largest");  // which changes all the time
+  const std::string text = exercise.dump();
+  if (text == told_) return;
+  told_ = text;
+  server_.tell(text);
 }
 
 /// What is new of the traces, and how the operator has the body.

@@ -29,11 +29,14 @@ class WebOutlet final : public LiveOutlet {
  private:
   void take_exposure(const Intervention& intervention);
   void take_body(LiveBody& body);
+  void tell_exercise(const Intervention& intervention);
 
   bool moves_hub_;
   BrowserHand hand_;
   BrowserMessage message_;
   std::int64_t traced_ = 0;  ///< samples of the traces that were told
+  double told_s_ = -1;       ///< the run's time as an exercise was told last
+  std::string told_;         ///< of it
   double marked_s_ = 0;      ///< the last exposure that was told
   WebServer server_;         ///< last: its thread uses what is above
 };

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <map>
+
 namespace xraycast {
 namespace {
 
@@ -34,6 +36,7 @@ void add_run(const OperatorState& state, std::vector<KeyHint>& keys) {
   keys.push_back({"Enter", state.is_recording ? "stop recording" : "record"});
   if (state.has_recording && !state.is_recording) keys.push_back({"L", "replay"});
   keys.push_back({"Backspace", "restart"});
+  if (state.has_exercise) keys.push_back({"Ctrl+R", "save report"});
 }
 
 void add_body(const OperatorState& state, std::vector<KeyHint>& keys) {
@@ -76,6 +79,18 @@ std::vector<std::string> advice_on(const OperatorState& state) {
   else if (state.is_masking)
     advice.push_back("Subtraction: hold X for the mask, then I as well for contrast agent");
   return advice;
+}
+
+std::string words_of_limit(const std::string& name) {
+  static const std::map<std::string, const char*> words{{"time_s", "time, s:"},
+                                                        {"fluoroscopy_s", "fluoroscopy, s:"},
+                                                        {"air_kerma_mGy", "air kerma, mGy:"},
+                                                        {"dap_Gycm2", "dose-area, Gy cm²:"},
+                                                        {"contrast_ml", "contrast, ml:"},
+                                                        {"force_N", "force at a hub, N:"},
+                                                        {"wall_force_N", "force on a wall, N:"}};
+  const auto at = words.find(name);
+  return at == words.end() ? name : at->second;
 }
 
 }  // namespace xraycast

@@ -13,6 +13,7 @@ struct OperatorState {
   bool steers = false;
   bool is_steered_by_keys = false, is_steered_by_mouse = false;
   bool has_valve = false, has_agent_outlet = false, is_recording = false, has_recording = false;
+  bool has_exercise = false;
   bool follows = false;         ///< the table follows the tip
   bool shows_road_map = false;  ///< or, without a fluoroscope, the vessels' outline
 
@@ -41,5 +42,8 @@ std::vector<KeyHint> usable_keys(const OperatorState& state);
 
 /// What the operator should do next or otherwise, one line each; mostly none.
 std::vector<std::string> advice_on(const OperatorState& state);
+
+/// An exercise's limit, by its field in the file, as it is read beside its value: `time, s`.
+std::string words_of_limit(const std::string& name);
 
 }  // namespace xraycast

@@ -5,9 +5,12 @@
 #include "xraycast/window/intervention_panel.hpp"
 
 #include <fmt/format.h>
+#include <glm/geometric.hpp>
 
+#include <algorithm>
 #include <imgui.h>
 #include <numbers>
+#include <optional>
 #include <string>
 
 namespace xraycast {
@@ -16,7 +19,7 @@ namespace {
 constexpr ImU32 kGround = IM_COL32(15, 17, 20, 255), kCap = IM_COL32(46, 52, 60, 255),
                 kBright = IM_COL32(232, 236, 240, 255), kDim = IM_COL32(150, 158, 168, 255),
                 kXrays = IM_COL32(255, 196, 60, 255), kHeld = IM_COL32(130, 190, 255, 255),
-                kShade = IM_COL32(0, 0, 0, 170);
+                kDone = IM_COL32(120, 210, 140, 255), kShade = IM_COL32(0, 0, 0, 170);
 
 float em() { return ImGui::GetFontSize(); }
 
@@ -210,6 +213,92 @@ void draw_picture_state(const Viewer& viewer, const OperatorState& state, const 
   }
 }
 
+// ---- the exercise ---------------------------------------------------------------------------------
+
+/// A disc where it is done, a ring where it is next, else a dot.
+void draw_mark(bool is_done, bool is_next) {
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  const ImVec2 middle(at.x + 0.5f * em(), at.y + 0.5f * em());
+  ImDrawList& draw = *ImGui::GetWindowDrawList();
+  if (is_done)
+    draw.AddCircleFilled(middle, 0.32f * em(), kDone);
+  else if (is_next)
+    draw.AddCircle(middle, 0.32f * em(), kBright, 0, 0.12f * em());
+  else
+    draw.AddCircleFilled(middle, 0.12f * em(), kDim);
+  ImGui::Dummy({em(), em()});
+  ImGui::SameLine();
+}
+
+void write_in(ImU32 colour, const std::string& words) {
+  ImGui::PushStyleColor(ImGuiCol_Text, colour);
+  ImGui::TextWrapped("%s", words.c_str());
+  ImGui::PopStyleColor();
+}
+
+void list_targets(const ExerciseState& state) {
+  const std::size_t next = state.reached();
+  constexpr std::size_t kMostShown = 8;  // those about the next one
+  const std::size_t count = state.targets.size();
+  const std::size_t first = count > kMostShown ? std::min(next < 3 ? 0 : next - 3, count - kMostShown) : 0;
+  for (std::size_t t = first; t < std::min(count, first + kMostShown); ++t) {
+    const ExerciseState::Target& target = state.targets[t];
+    draw_mark(target.reached_s.has_value(), t == next);
+    write_in(target.reached_s ? kDone
+             : t == next      ? kBright
+                              : kDim,
+             target.reached_s ? fmt::format("{}: {:.1f} s", target.name, *target.reached_s) : target.name);
+  }
+  if (count > kMostShown) write_in(kDim, fmt::format("{} of {} reached", next, count));
+}
+
+/// What was passed or entered, and how far the others are.
+void list_limits(const ExerciseState& state) {
+  for (const ExerciseState::Limit& limit : state.limits)
+    write_in(limit.passed_s ? kXrays : kDim,
+             fmt::format("{} {} of {:g}", words_of_limit(limit.name),
+                         limit.value ? fmt::format("{:.3g}", *limit.value) : "-", limit.limit));
+  constexpr std::size_t kMostShown = 3;  // the last ones
+  const std::size_t count = state.forbidden_entries.size();
+  for (std::size_t e = count - std::min(count, kMostShown); e < count; ++e)
+    write_in(kXrays, fmt::format("Forbidden: {} entered at {:.1f} s", state.forbidden_entries[e].name,
+                                 state.forbidden_entries[e].time_s));
+}
+
+/// The task in the upper left corner of the window; in words until the first key.
+void draw_exercise(const Viewer& viewer, const Exercise& exercise, const ExerciseState& state) {
+  ImGui::SetNextWindowPos({0.6f * em(), 0.6f * em()});
+  ImGui::SetNextWindowSizeConstraints({19 * em(), 0}, {19 * em(), 0.85f * ImGui::GetIO().DisplaySize.y});
+  ImGui::PushStyleColor(ImGuiCol_WindowBg, kShade);
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 0);
+  ImGui::Begin("exercise", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoInputs |
+                   ImGuiWindowFlags_NoBringToFrontOnFocus);
+  write_in(kHeld, exercise.title);
+  if (viewer.shows_first_steps) write_in(kBright, exercise.task);
+  list_targets(state);
+  list_limits(state);
+  if (state.is_complete())
+    write_in(state.is_passed() ? kDone : kXrays, state.is_passed() ? "Passed" : "Complete, but not passed");
+  ImGui::End();
+  ImGui::PopStyleVar();
+  ImGui::PopStyleColor();
+}
+
+/// A ring about the target that is next, with the vessels' outline. The tree lies where the body is at rest.
+void draw_target(const Viewer& viewer, const Exercise& exercise, const ExerciseState& state,
+                 const Viewer::Pane& picture) {
+  if (state.is_complete() || viewer.body()) return;
+  const View view = viewer.shown_in(picture);
+  const TargetMark mark = mark_of(exercise.targets[state.reached()], *viewer.tree());
+  const glm::dvec2 at = pixel_of(view, mark.at_mm),
+                   beside = pixel_of(view, mark.at_mm + mark.radius_mm * view.right());
+  if (!(at.x >= 0 && at.x < view.width && at.y >= 0 && at.y < view.height)) return;
+  const float radius = std::max(0.4f * em(), static_cast<float>(glm::distance(at, beside)));
+  const ImVec2 middle(static_cast<float>(picture.x + at.x), static_cast<float>(at.y));
+  ImGui::GetBackgroundDrawList()->AddCircle(middle, radius, kDone, 0, 0.15f * em());
+}
+
 void draw_first_steps(const OperatorState& state, const Viewer::Pane& picture) {
   std::vector<KeyHint> steps{{"X", "hold it for X-rays: the picture is live while it is down"}};
   if (state.is_steered_by_keys)
@@ -248,6 +337,7 @@ OperatorState operator_state(const Viewer& viewer) {
     state.has_agent_outlet = run->run().now().agent_outlet.has_value();
     state.is_recording = run->run().is_recording();
     state.has_recording = viewer.has_recording();
+    state.has_exercise = run->exercise() != nullptr;
     state.follows = viewer.follows;
     state.shows_road_map = run->has_road_map();
   }
@@ -285,6 +375,11 @@ void draw_operator_screen(Viewer& viewer) {
   const Viewer::Pane picture = viewer.panes(static_cast<int>(window.x), static_cast<int>(window.y)).front();
   if (viewer.map()) draw_picture_state(viewer, state, picture);
   if (!state.steers) return;
+  if (const Exercise* exercise = viewer.intervention()->exercise()) {
+    const std::optional<ExerciseState> progress = viewer.intervention()->run().monitor().state();
+    if (viewer.map()) draw_target(viewer, *exercise, *progress, picture);
+    if (!viewer.shows_panels) draw_exercise(viewer, *exercise, *progress);
+  }
   const float keys = keys_height(viewer.body() != nullptr);
   viewer.reserve(static_cast<int>(monitor_width()), static_cast<int>(keys));
   if (!viewer.shows_panels) draw_monitor(viewer);

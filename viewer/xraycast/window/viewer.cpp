@@ -9,6 +9,7 @@
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/fluoroscope/fluoroscope_request.hpp"
 #include "xraycast/geometry/mesh.hpp"
+#include "xraycast/reports/run_comparison.hpp"
 #include "xraycast/sampling/clip_space.hpp"
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/vessel_pick.hpp"
@@ -336,6 +337,14 @@ void Viewer::restart_run() {
   attempt([&] { intervention_->restart(); });
 }
 
+void Viewer::save_report() {
+  attempt([&] {
+    const fs::path file = report_.empty() ? unused("xraycast-report", ".html") : report_;
+    write_report(file, intervention_->run().monitor().json(true));
+    message_ = "saved " + fs::absolute(file).string();
+  });
+}
+
 std::span<const glm::ivec2> Viewer::road_map(const View& view) {
   if (console()) return {};  // the fluoroscope has its own
   if (intervention_) return intervention_->road_map(view);
@@ -645,6 +654,7 @@ void Viewer::draw(int width, int height) {
   if (intervention_)
     attempt([&] {
       follow_tip(panes(width, height).front());
+      if (console()) intervention_->count_generator(console()->use());
       show_catheter();
     });
   pass_time(since_frame_.ms() / 1000);

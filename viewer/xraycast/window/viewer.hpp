@@ -56,6 +56,9 @@ class Viewer {
   void replay();  ///< the last recording
   bool has_recording() const { return !recording_.empty(); }
   void restart_run();
+  /// The run's report, into the file named by keep_report, or the first free xraycast-report-001.html.
+  void save_report();
+  void keep_report(std::filesystem::path file) { report_ = std::move(file); }
   std::span<const glm::ivec2> road_map(const View& view);
 
   // ---- the fluoroscope
@@ -215,7 +218,7 @@ class Viewer {
   std::size_t shown_surfaces_ = 0;  ///< of the last exposure
   std::optional<VesselTree::Location> picked_;
   std::optional<View> adapted_to_;  ///< the view that the grey window was chosen for
-  std::filesystem::path recording_;
+  std::filesystem::path recording_, report_;
   std::vector<InstrumentModel> recorded_;  ///< the instruments of that recording
   int width_ = 0, height_ = 0;             ///< of the last frame
   int reserved_right_ = 0, reserved_below_ = 0;

@@ -49,6 +49,7 @@ std::vector<KeyHint> general_keys(const Viewer& viewer) {
                             {"Ctrl+S", "save the session"},
                             {"Ctrl+Z, Ctrl+Y", "undo, redo"}};
   if (!viewer.intervention()) keys.push_back({"I", "invert"});
+  if (viewer.intervention()) keys.push_back({"Ctrl+R", "save the run's report"});
   return keys;
 }
 
@@ -86,6 +87,7 @@ bool handle_key(Viewer& viewer, int key, int mods) {
     if (key == GLFW_KEY_Z) viewer.attempt([&] { viewer.opacity().undo(); });
     if (key == GLFW_KEY_Y) viewer.attempt([&] { viewer.opacity().redo(); });
     if (key == GLFW_KEY_S) viewer.save_session();
+    if (key == GLFW_KEY_R && viewer.intervention()) viewer.save_report();
     return key == GLFW_KEY_O;
   }
   if (key >= GLFW_KEY_1 && key <= GLFW_KEY_9)

@@ -1,5 +1,6 @@
 #include "xraycast/window/viewer_window.hpp"
 
+#include "xraycast/reports/run_comparison.hpp"
 #include "xraycast/window/body_panel.hpp"
 #include "xraycast/window/exposure_panel.hpp"
 #include "xraycast/window/intervention_panel.hpp"
@@ -55,12 +56,13 @@ void wait_for_events(const Viewer& viewer) {
 void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
                 const std::optional<Intervention::Options>& simulation,
                 const std::optional<FluoroscopyOptions>& fluoroscopy, const BodyRequest& body,
-                const std::optional<MaskPhase>& mask_phase) {
+                const std::optional<MaskPhase>& mask_phase, const std::filesystem::path& report) {
   Window window;
   Desk desk{Viewer(
                 session, device, [] { glfwPostEmptyEvent(); }, body),
             {}};
   if (simulation) desk.viewer.simulate(*simulation);
+  desk.viewer.keep_report(report);
   desk.viewer.shows_panels = !simulation;
   desk.viewer.shows_first_steps = simulation.has_value();
   if (fluoroscopy) desk.viewer.use_fluoroscope(*fluoroscopy);
@@ -87,6 +89,8 @@ void run_viewer(const ViewSession& session, const std::string& device, const Pro
     draw_operator_screen(desk.viewer);
     window.end_gui();
   }
+  if (!report.empty() && desk.viewer.intervention())
+    write_report(report, desk.viewer.intervention()->run().monitor().json(true));
 }
 
 }  // namespace xraycast

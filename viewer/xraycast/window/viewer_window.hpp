@@ -5,6 +5,7 @@
 #include "xraycast/scene/session_file.hpp"
 #include "xraycast/serving/intervention.hpp"
 
+#include <filesystem>
 #include <optional>
 #include <string>
 
@@ -15,10 +16,11 @@ namespace xraycast {
 /// there is no display or no OpenGL 3.3; later errors are messages in the window. With
 /// `simulation` a catheter is steered in it; throws as Intervention does. With `fluoroscopy` it begins with a
 /// fluoroscope's pictures, of which masks are of `mask_phase`. A map that moves does so as `body` says; in a
-/// simulation, as its run does.
+/// simulation, as its run does. Its report is written into a file as the window closes, unless `report` is
+/// empty.
 void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
                 const std::optional<Intervention::Options>& simulation = {},
                 const std::optional<FluoroscopyOptions>& fluoroscopy = {}, const BodyRequest& body = {},
-                const std::optional<MaskPhase>& mask_phase = {});
+                const std::optional<MaskPhase>& mask_phase = {}, const std::filesystem::path& report = {});
 
 }  // namespace xraycast

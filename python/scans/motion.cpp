@@ -1,4 +1,4 @@
-#include "motion.hpp"
+#include "scans/motion.hpp"
 
 #include "calls/arguments.hpp"
 #include "calls/job.hpp"

@@ -2,7 +2,7 @@
 
 #include "calls/job.hpp"
 #include "calls/values.hpp"
-#include "scan.hpp"
+#include "scans/scan.hpp"
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/motion/body_request.hpp"
 #include "xraycast/motion/motion_request.hpp"

@@ -1,9 +1,9 @@
-#include "scan.hpp"
+#include "scans/scan.hpp"
 
 #include "calls/arguments.hpp"
 #include "calls/job.hpp"
 #include "calls/values.hpp"
-#include "motion.hpp"
+#include "scans/motion.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/field_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"

@@ -1,50 +1,34 @@
-#include "registration.hpp"
+#include "scans/registration.hpp"
 
 #include "calls/arguments.hpp"
 #include "calls/device.hpp"
 #include "calls/job.hpp"
 #include "calls/opacity.hpp"
 #include "calls/poses.hpp"
-#include "scan.hpp"
+#include "scans/grey_picture.hpp"
+#include "scans/scan.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/registration/registration.hpp"
-#include "xraycast/registration/similarity.hpp"
 
 #include <fmt/format.h>
 #include <glm/trigonometric.hpp>
 
-#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 namespace xraycast::python {
 namespace {
 
-/// A picture as floats.
-struct Picture {
-  int width = 0, height = 0;
-  std::vector<float> values;
-};
-
-Picture picture_of(nb::handle object, const std::string& name) {
-  const Numbers numbers = numbers_of(object, name);
-  constexpr std::size_t kMost = 16384;
-  if (numbers.shape.size() != 2 || numbers.values.empty() || numbers.shape[0] > kMost ||
-      numbers.shape[1] > kMost)
-    throw InputError("{}: must be rows x columns of greys, up to {} each", name, kMost);
-  return {static_cast<int>(numbers.shape[1]),
-          static_cast<int>(numbers.shape[0]),
-          {numbers.values.begin(), numbers.values.end()}};
-}
-
-/// Arrays of greys, with a camera each.
-std::vector<Xray> xrays_of(nb::handle pictures, const nb::object& k, const nb::object& rt) {
+/// Arrays of greys, with a camera each. `name` is the argument's.
+std::vector<Xray> xrays_of(nb::handle pictures, const nb::object& k, const nb::object& rt,
+                           const std::string& name) {
   if (!nb::isinstance<nb::sequence>(pictures))
-    throw InputError("pictures: must be a list of pictures that show the scan at once");
+    throw InputError("{}: must be a list of pictures that show the scan at once", name);
   std::vector<Xray> xrays;
   for (const nb::handle object : nb::borrow<nb::sequence>(pictures)) {
-    Picture picture = picture_of(object, fmt::format("pictures[{}]", xrays.size()));
-    xrays.push_back({.name = fmt::format("pictures[{}]", xrays.size()),
+    const std::string its_name = fmt::format("{}[{}]", name, xrays.size());
+    GreyPicture picture = picture_of(object, its_name);
+    xrays.push_back({.name = its_name,
                      .width = picture.width,
                      .height = picture.height,
                      .pixels = std::move(picture.values)});
@@ -66,11 +50,25 @@ std::vector<Xray> xrays_of(nb::handle pictures, const nb::object& k, const nb::o
   return xrays;
 }
 
-Registration register_scan(HeldScan& scan, const nb::object& pictures, const nb::object& k,
-                           const nb::object& rt, const RegisterRequest& request, const nb::object& mask,
-                           const nb::object& progress) {
+/// The X-rays of each frame of films.
+std::vector<std::vector<Xray>> frames_of(nb::handle frames, const nb::object& k, const nb::object& rt) {
+  if (!nb::isinstance<nb::sequence>(frames) || nb::len(frames) == 0)
+    throw InputError("frames: must be a list that holds, for each frame, a list of its pictures");
+  std::vector<std::vector<Xray>> films;
+  for (const nb::handle frame : nb::borrow<nb::sequence>(frames)) {
+    films.push_back(xrays_of(frame, k, rt, fmt::format("frames[{}]", films.size())));
+    if (films.back().size() != films.front().size())
+      throw InputError("frames: each must have as many pictures as the first, {}; one has {}",
+                       films.front().size(), films.back().size());
+  }
+  return films;
+}
+
+/// One for each frame; warns of what they note.
+std::vector<Registration> tracked(HeldScan& scan, std::span<const std::vector<Xray>> frames,
+                                  const RegisterRequest& request, const nb::object& mask,
+                                  const nb::object& progress) {
   check(request);
-  const std::vector<Xray> xrays = xrays_of(pictures, k, rt);
   std::vector<std::uint8_t> inside;
   if (!mask.is_none()) {
     const Numbers numbers = numbers_of(mask, "mask");
@@ -78,50 +76,13 @@ Registration register_scan(HeldScan& scan, const nb::object& pictures, const nb:
       throw InputError("mask: must be on the scan's grid, slices x rows x columns");
     for (const double value : numbers.values) inside.push_back(value > 0);
   }
-  Registration found = result_of(progress, [&](Progress& reported) {
+  std::vector<Registration> found = result_of(progress, [&](Progress& reported) {
     const DeviceUse device;
     Registrar registrar(*device, *scan.volume(), inside, request);
-    return registrar.find(xrays, reported);
+    return registrar.track(frames, reported);
   });
-  warn(found.notes);
+  warn(notes_of(found));
   return found;
-}
-
-/// A similarity's value and its derivatives by the moving picture's pixels.
-using ValueAndSlope = std::pair<double, nb::ndarray<nb::numpy, float, nb::ndim<2>>>;
-
-template <typename Similarity>
-ValueAndSlope value_and_slope(const Similarity& similarity, const ArrayArgument& fixed,
-                              const ArrayArgument& moving, const ArrayArgument& mask) {
-  const Picture a = picture_of(fixed, "fixed"), b = picture_of(moving, "moving");
-  std::vector<std::uint8_t> counted;
-  if (!mask.is_none())
-    for (const float value : picture_of(mask, "mask").values) counted.push_back(value != 0);
-  if (a.width != b.width || a.height != b.height) throw InputError("fixed and moving must have one shape");
-  auto slope = std::make_shared<std::vector<float>>();
-  const double value = similarity(
-      {.width = a.width, .height = a.height, .fixed = a.values, .moving = b.values, .mask = counted},
-      slope.get());
-  return {value,
-          array_over<float, 2>(
-              slope->data(), {static_cast<std::size_t>(a.height), static_cast<std::size_t>(a.width)}, slope)};
-}
-
-/// Of xraycast.similarity.
-void add_similarities(nb::module_& module) {
-  const auto add = [&](const char* name, auto function, const char* purpose) {
-    module.def(
-        name,
-        [function](const ArrayArgument& fixed, const ArrayArgument& moving, const ArrayArgument& mask) {
-          return value_and_slope(function, fixed, moving, mask);
-        },
-        nb::arg("fixed"), nb::arg("moving"), nb::kw_only(), nb::arg("mask") = nb::none(), purpose);
-  };
-  add("ncc", similarity::ncc, "Normalised cross-correlation, -1 to 1.");
-  add("gradient_ncc", similarity::gradient_ncc,
-      "The mean of the normalised cross-correlations of the derivatives along rows and columns, -1 to 1.");
-  add("mutual_information", similarity::mutual_information,
-      "In nats, from 32 x 32 greys between the pictures' extremes, which the derivatives take as they are.");
 }
 
 }  // namespace
@@ -147,17 +108,25 @@ void add_registration(nb::module_& module) {
       .def_ro("converged", &Registration::is_sure, "False where the pose is not to be relied on.")
       .def_ro("evaluations", &Registration::evaluations, "Pictures projected.")
       .def_ro("seconds", &Registration::seconds);
+  // What `register` and `track` share.
+  const auto request_of = [](const OpacityArgument& opacity, double search_deg, double search_mm,
+                             std::uint64_t seed, const char* call) {
+    return RegisterRequest{.opacity = opacity_of(opacity, call),
+                           .search_deg = search_deg,
+                           .search_mm = search_mm,
+                           .start = {},
+                           .seed = seed};
+  };
   module.def(
       "register",
-      [](HeldScan& scan, const PicturesOfXraysArgument& pictures, const ArrayArgument& k,
-         const ArrayArgument& rt, double search_deg, double search_mm, const OpacityArgument& opacity,
-         const ArrayArgument& mask, std::uint64_t seed, const ProgressArgument& progress) {
-        const RegisterRequest request{.opacity = opacity_of(opacity, "register"),
-                                      .search_deg = search_deg,
-                                      .search_mm = search_mm,
-                                      .start = {},
-                                      .seed = seed};
-        return register_scan(scan, pictures, k, rt, request, mask, progress);
+      [request_of](HeldScan& scan, const PicturesOfXraysArgument& pictures, const ArrayArgument& k,
+                   const ArrayArgument& rt, double search_deg, double search_mm,
+                   const OpacityArgument& opacity, const ArrayArgument& mask, std::uint64_t seed,
+                   const ProgressArgument& progress) {
+        const std::vector<Xray> xrays = xrays_of(pictures, k, rt, "pictures");
+        return tracked(scan, {&xrays, 1}, request_of(opacity, search_deg, search_mm, seed, "register"), mask,
+                       progress)
+            .front();
       },
       nb::arg("scan"), nb::arg("pictures"), nb::kw_only(), nb::arg("K"), nb::arg("RT"),
       nb::arg("search_deg") = 15.0, nb::arg("search_mm") = 40.0, nb::arg("opacity") = "bilinear",
@@ -169,7 +138,23 @@ void add_registration(nb::module_& module) {
       "detector three times as far unless another picture sees that from the side. 0 and 0: no search.\n"
       "mask: the part of the scan that is looked for, an array on its grid.\n"
       "Returns a Registration; warns where it is not to be relied on.");
-  add_similarities(module);
+  module.def(
+      "track",
+      [request_of](HeldScan& scan, const FramesOfXraysArgument& frames, const ArrayArgument& k,
+                   const ArrayArgument& rt, double search_deg, double search_mm,
+                   const OpacityArgument& opacity, const ArrayArgument& mask, std::uint64_t seed,
+                   const ProgressArgument& progress) {
+        const std::vector<std::vector<Xray>> films = frames_of(frames, k, rt);
+        return tracked(scan, films, request_of(opacity, search_deg, search_mm, seed, "track"), mask,
+                       progress);
+      },
+      nb::arg("scan"), nb::arg("frames"), nb::kw_only(), nb::arg("K"), nb::arg("RT"),
+      nb::arg("search_deg") = 15.0, nb::arg("search_mm") = 40.0, nb::arg("opacity") = "bilinear",
+      nb::arg("mask") = nb::none(), nb::arg("seed") = 1, nb::arg("progress") = nb::none(),
+      "From where the frames of films were taken: the pose of the first is searched for, and followed.\n\n"
+      "frames: for each, a list of the pictures that show the scan at that moment, as `register` takes "
+      "them.\n"
+      "The other arguments are those of `register`. Returns a Registration for each frame.");
 }
 
 }  // namespace xraycast::python
