@@ -3,6 +3,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/simulation/run.hpp"
 #include "xraycast/trainer/page_motion.hpp"
 #include "xraycast/trainer/setup_numbers.hpp"
 #include "xraycast/trainer/trainer.hpp"

@@ -19,12 +19,11 @@ export interface ExposureActions {
 }
 
 export class ExposurePanel {
-  private settings: ConsoleSettings;
+  settings: ConsoleSettings = { dose: 1, blades_mm: null, subtracts: false };
   private exposed: Exposed | null = null;
   private readonly sliders = (["blades-width", "blades-height"] as const).map((id) => element<HTMLInputElement>(id));
 
-  constructor(first: ConsoleSettings, private readonly actions: ExposureActions) {
-    this.settings = first;
+  constructor(private readonly actions: ExposureActions) {
     for (const id of ["exposure-buttons", "dose-readout"]) element(id).hidden = false;
     const dose = element<HTMLSelectElement>("dose");
     dose.append(...kDoses.map((name, level) => new Option(name, String(level))));
@@ -83,7 +82,7 @@ export class ExposurePanel {
   }
 
   private show_readout(): void {
-    element("dose-readout").textContent = [...(this.exposed ? words_of_dose(this.exposed) : []), ...this.words_of_settings].join("  ·  ");
+    element("dose-readout").textContent = [...(this.exposed ? words_of_dose(this.exposed) : ["no X-rays yet"]), ...this.words_of_settings].join("  ·  ");
   }
 
   private get words_of_settings(): string[] {

@@ -143,7 +143,7 @@ export class ComingReds {
   private readonly drawn: WebGLSync;
 
   /** `format` is one that the framebuffer can be read in. */
-  constructor(private readonly gl: WebGL2RenderingContext, width: number, height: number, format: number) {
+  constructor(private readonly gl: WebGL2RenderingContext, width: number, height: number, format: number, private readonly taken: () => void) {
     this.stride = format === gl.RED ? 1 : 4;
     this.values = new Float32Array(this.stride * width * height);
     this.buffer = gl.createBuffer()!;
@@ -173,6 +173,7 @@ export class ComingReds {
     gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, this.values);
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
     this.drop();
+    this.taken();
     return this.values;
   }
 
@@ -219,11 +220,16 @@ export class Target {
   red_later(): ComingReds {
     const { gl } = this, { width, height } = this.textures[0]!;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
-    if (this.red_format === 0) {
-      const reads_reds = gl.getParameter(gl.IMPLEMENTATION_COLOR_READ_FORMAT) === gl.RED && gl.getParameter(gl.IMPLEMENTATION_COLOR_READ_TYPE) === gl.FLOAT;
-      this.red_format = reads_reds ? gl.RED : gl.RGBA;
-    }
-    return new ComingReds(gl, width, height, this.red_format);
+    return new ComingReds(gl, width, height, this.red_format || gl.RGBA, () => this.find_red_format());
+  }
+
+  /** Whether reds can be read alone. Asked for while the device has nothing to draw, since the answer waits for that. */
+  private find_red_format(): void {
+    const { gl } = this;
+    if (this.red_format !== 0) return;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
+    const reads_reds = gl.getParameter(gl.IMPLEMENTATION_COLOR_READ_FORMAT) === gl.RED && gl.getParameter(gl.IMPLEMENTATION_COLOR_READ_TYPE) === gl.FLOAT;
+    this.red_format = reads_reds ? gl.RED : gl.RGBA;
   }
 
   /** The same at once, which waits for the device. */

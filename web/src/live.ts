@@ -119,8 +119,9 @@ export class LiveView {
       this.picture.target = target;
       this.redraw();
     });
+    const exposure = (this.exposure = this.add_exposure());
     const link = new TrainerLink(trainer, worker, {
-      compiled: (code, setup) => this.fluoroscope(code, setup, link),
+      compiled: (code, setup) => this.begin_fluoroscopy(code, setup, exposure, link),
       moved: (steps) => this.recording.add_steps(steps),
       reported: (told) => {
         report.told(told);
@@ -143,28 +144,32 @@ export class LiveView {
     return link;
   }
 
-  /** The page's own, of the simulation's code. */
-  private fluoroscope(code: WebAssembly.Module, setup: Float64Array, link: TrainerLink): void {
+  /** The page's own fluoroscope has controls from the start, and makes pictures once its code is there. */
+  private add_exposure(): ExposurePanel {
+    const panel = new ExposurePanel({
+      set: (settings) => {
+        if (this.picture.fluoroscopy) this.picture.fluoroscopy.settings = settings;
+        this.redraw(); // where the blades are
+      },
+      take_new_mask: () => this.picture.fluoroscopy?.take_new_mask(),
+      field_mm: () => this.picture.field_mm(this.store.state),
+    });
+    this.store.on_change((state, before) => state.pose !== before.pose && panel.show_settings());
+    addEventListener("keydown", (event) => this.press(event, panel), { capture: true });
+    return panel;
+  }
+
+  private begin_fluoroscopy(code: WebAssembly.Module, setup: Float64Array, panel: ExposurePanel, link: TrainerLink): void {
     const fluoroscopy = new Fluoroscopy(code, setup, {
       shows: (_, exposed) => {
-        this.exposure!.show(exposed);
+        panel.show(exposed);
         link.count_dose(exposed);
         this.redraw();
       },
       is_ready: () => fluoroscopy.is_due && this.redraw(),
       failed: (why) => this.notes.tell(`${why}.`),
     });
-    this.exposure = new ExposurePanel(fluoroscopy.settings, {
-      set: (settings) => {
-        fluoroscopy.settings = settings;
-        this.redraw(); // where the blades are
-      },
-      take_new_mask: () => fluoroscopy.take_new_mask(),
-      field_mm: () => this.picture.field_mm(this.store.state),
-    });
-    this.store.on_change((state, before) => state.pose !== before.pose && this.exposure!.show_settings());
-    addEventListener("keydown", (event) => this.press(event, this.exposure!), { capture: true });
-    this.show_keys(this.steering.steers);
+    fluoroscopy.settings = panel.settings;
     this.picture.fluoroscopy = fluoroscopy;
   }
 

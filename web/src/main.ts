@@ -109,10 +109,10 @@ class Page {
     canvas.addEventListener("webglcontextlost", (event) => this.lose(event));
     canvas.addEventListener("webglcontextrestored", () => this.restore());
     this.show_picture(true);
-    this.draw();
     notes.state("");
     this.load_keys();
     if (data.live) new LiveView(data.live, data.trainer, worker, data.motion, store, picture, notes, stage, () => this.request());
+    this.draw(); // once all that takes room beside the picture is there
   }
 
   /** The picture, or else the still one. */
