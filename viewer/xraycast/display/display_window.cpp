@@ -23,7 +23,7 @@ DisplayWindow::DisplayWindow(const PictureSize& size)
 
 void DisplayWindow::begin(double open_logarithm) {
   body_below_ = static_cast<float>(open_logarithm) - kBody;
-  std::ranges::fill(counts_, 0);
+  counts_.assign(counts_.size(), 0);
 }
 
 void DisplayWindow::count_row(int j, const float* logarithm, const float* shown, const float* field) {
