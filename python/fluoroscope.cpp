@@ -25,7 +25,7 @@ std::string stages_of(const nb::object& stages) {
 void make_fluoroscope(HeldFluoroscope* fluoroscope, const PathArgument& c_arm, std::optional<double> field_mm,
                       const ArrayArgument& collimate, const std::string& dose, std::optional<int> kvp,
                       std::optional<double> mas, std::optional<double> photons, double pulse_rate,
-                      const NamesArgument& stages, std::uint32_t seed) {
+                      std::optional<double> compression, const NamesArgument& stages, std::uint32_t seed) {
   FluoroscopeRequest request{.c_arm = c_arm.is_none() ? "" : path_of(c_arm),
                              .field_mm = field_mm,
                              .dose = dose,
@@ -33,6 +33,7 @@ void make_fluoroscope(HeldFluoroscope* fluoroscope, const PathArgument& c_arm, s
                              .mas = mas,
                              .photons = photons,
                              .pulse_rate = pulse_rate,
+                             .compression = compression,
                              .seed = seed};
   if (!collimate.is_none()) request.collimate = numbers_of(collimate, "collimate").values;
   if (!stages.is_none()) request.stages = stages_of(stages);
@@ -81,8 +82,8 @@ void add_fluoroscope(nb::module_& module) {
       .def("__init__", make_fluoroscope, nb::kw_only(), nb::arg("c_arm") = nb::none(),
            nb::arg("field_mm") = nb::none(), nb::arg("collimate") = nb::none(), nb::arg("dose") = "normal",
            nb::arg("kvp") = nb::none(), nb::arg("mas") = nb::none(), nb::arg("photons") = nb::none(),
-           nb::arg("pulse_rate") = FluoroscopyOptions{}.pulses_per_s, nb::arg("stages") = nb::none(),
-           nb::arg("seed") = FluoroscopyOptions{}.seed,
+           nb::arg("pulse_rate") = FluoroscopyOptions{}.pulses_per_s, nb::arg("compression") = nb::none(),
+           nb::arg("stages") = nb::none(), nb::arg("seed") = FluoroscopyOptions{}.seed,
            "c_arm: mobile-intensifier, mobile-flat-panel, fixed-single-plane, neuro-biplane, "
            "neuro-biplane-lateral, or a JSON file; it sets cone_mm, size and pixel_mm unless they are given. "
            "Default: fixed-single-plane, with the view as it is.\n"
@@ -92,6 +93,8 @@ void add_fluoroscope(nb::module_& module) {
            "dose: low or normal for fluoroscopy, cine for a recorded run.  kvp, mas: held by the exposure "
            "control.\n"
            "photons: quanta that a pixel of the unattenuated field detects, instead of an exposure.\n"
+           "compression: how much of what is large and strong the display takes back, 0 to 1; default: the "
+           "C-arm's.\n"
            "stages: those to simulate, of quanta, blur, lag, electronics, scatter and display, or none; "
            "default: all.\n"
            "seed: of the noise; the same seed gives the same frames.")

@@ -245,6 +245,7 @@ void serve(ServeArguments options, Invocation& invocation) {
   log_to_stderr(fmt::format("serving OpenIGTLink at {}; Ctrl+C ends it", to_string(server->address())));
   const OutputSeries files;  // the signal that ends it is no reason to leave the report out
   live.run(options.rate_hz, invocation.progress);
+  keep_outputs();
   if (!options.report.empty()) write_report(options.report, intervention.run().monitor().json(true));
   report_served(invocation, live, intervention, *server, web ? &web->server() : nullptr);
   invocation.is_ended_by_signal = true;

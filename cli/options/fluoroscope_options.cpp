@@ -40,6 +40,12 @@ void add_fluoroscope_options(CLI::App& command, FluoroscopeArguments& options) {
   add("--photons", request.photons,
       "Photons detected per pixel of the unattenuated field, instead of an exposure", "N");
   add("--pulse-rate", request.pulse_rate, "Pulses per second, 3 to 30 (default 15)", "HZ");
+  add("--compression", request.compression,
+      "How much of what is large and strong in the picture the display takes back, 0 to 1, so that lung and "
+      "spine are seen at once; 0.6 suits most. Default: the C-arm's, 0 in these presets: a grey window of "
+      "fixed "
+      "width",
+      "SHARE");
   add("--stages", request.stages,
       "Stages to simulate: a list of quanta, blur, lag, electronics, scatter and display, or none (default: "
       "all)",

@@ -160,6 +160,7 @@ def test_training_frames_are_projections_with_the_instrument(tmp_path, tree):
     (dict(stages="x"), "unknown stage"), (dict(stages=["quanta", "x"]), "unknown stage"),
     (dict(collimate=(1,)), "^collimate 1: must be WIDTH,HEIGHT"), (dict(photons=5, mas=1), "give one of them"),
     (dict(pulse_rate=1), "must be 3 to 30"),
+    (dict(compression=1.5), "a compression of 1.5: must be 0 to 1"),
 ])
 def test_fluoroscopes_that_cannot_be_are_refused(arguments, words):
     with pytest.raises(xc.InputError, match=words):

@@ -442,6 +442,28 @@ TEST(MovingWall, KeepsACatheterWithinItAndShowsItsBeatAtTheHub) {
             std::string::npos);
 }
 
+// In the middle of a wide vessel, where the wall is asked for but now and then.
+TEST(MovingWall, KnowsWhereATipIsThatIsFarFromIt) {
+  const VesselTree tree = straight_tube(70, 15);
+  const auto motion = breath_and_heart();
+  const std::vector<InstrumentModel> models = instruments_named({"guidewire-035-straight"});
+  Instruments instruments(tree, models, find_entry(tree, {glm::dvec3(0, 0, -30), "entry"}, models.front()),
+                          {.motion = motion, .phases = motion->phases_at(0)});
+  double furthest_mm = 0, time_s = 0;
+  for (int step = 1; step <= 900; ++step) {
+    const bool is_held = step % 300 > 200;
+    if (!is_held) time_s += 1e-3;
+    instruments.step(std::vector<HubPose>{{0.08 * step, 0}}, motion->phases_at(time_s));
+    const InstrumentTip tip = instruments.tip(0);
+    const std::vector<double> phases(instruments.phases().begin(), instruments.phases().end());
+    const glm::dvec3 shown_mm = tip.position_mm + motion->held_at(phases).displacement_mm(tip.position_mm);
+    furthest_mm = std::max(furthest_mm, glm::distance(shown_mm, tip.scan_mm));
+    ASSERT_NEAR(tip.arc_length_mm, tree.nearest(tip.scan_mm).arc_length_mm, 0.01);
+  }
+  // A MovingBody is within 0.05 mm of its motion, and what a contact knows of it as much behind.
+  EXPECT_LT(furthest_mm, 0.1);
+}
+
 TEST(RunInMotion, RefusesPhasesThatThereAreNot) {
   RunRequest request = thorax_run();
   request.body.phase = {{"heart", 0.5}};

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { once } from "node:events";
-import { existsSync, readFileSync } from "node:fs";
+import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { createServer as create_http } from "node:http";
 import { connect, createServer } from "node:net";
 import { join } from "node:path";
@@ -113,6 +113,26 @@ function changed(a, b) {
   for (let i = 0; i < a.data.length; i += 4) if (Math.abs(a.data[i] - b.data[i]) > 8) ++count;
   return count;
 }
+
+browser_test("the page shows how far the session's exercise is", async () => {
+  const targets = [{ name: "near", at_mm: [88, -58, -325] }, { name: "far", at_mm: [6, -9, -52] }];
+  writeFileSync(file("task.json"), JSON.stringify({ title: "In", task: "Go in.", instruments: ["cobra-5f"], entry: [89, -54, -357], targets, limits: { time_s: 0.5 } }));
+  const session = await serve("--exercise", file("task.json"), "--report", file("report.json")), opened = await open(session.address), { page } = opened;
+  await reads(page, "#live-role", /^You steer$/);
+  await reads(page, "#exercise-task", /^In\. Go in\.$/);
+  await reads(page, "#exercise-progress", /^▸ near○ far$/);
+  assert.equal(await page.$eval("#exercise-choice", (choice) => choice.checkVisibility()), false); // the server has chosen
+  await page.focus("#stage");
+  await page.keyboard.down("ArrowUp");
+  await reads(page, "#exercise-progress", /^✓ near: [\d.]+ s▸ far✗ time above 0.5 s: 0.5 s$/);
+  await page.keyboard.up("ArrowUp");
+  await close(opened);
+  const late = await open(session.address);
+  await reads(late.page, "#exercise-progress", /✓ near: /); // whoever comes later is told too
+  await close(late);
+  assert.equal(await end(session), 143);
+  assert.notEqual(JSON.parse(readFileSync(file("report.json"), "utf8")).exercise.targets[0].reached_s, null);
+});
 
 browser_test("keys steer a wire in a catheter, and the picture follows while the pedal is down", async (t) => {
   const session = await serve(...kPair), opened = await open(`${session.address}#zoom=2.5&table=-200`), { page } = opened;

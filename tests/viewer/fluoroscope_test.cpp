@@ -2,9 +2,9 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/display/display_chain.hpp"
 #include "xraycast/fluoroscope/beam.hpp"
 #include "xraycast/fluoroscope/counter_noise.hpp"
-#include "xraycast/fluoroscope/display_chain.hpp"
 #include "xraycast/fluoroscope/exposure_control.hpp"
 #include "xraycast/fluoroscope/scatter.hpp"
 
@@ -491,10 +491,9 @@ TEST(Fluoroscope, AGridHoldsScatterBack) {
 
 TEST(DisplayChain, RecursiveFilterReducesNoiseByItsWeight) {
   constexpr int kWidth = 64, kFrames = 60;
-  DisplayChain display;
-  display.restart(kWidth, kWidth);
-  display.set_codes(14, 64);
-  display.set_level(0);
+  const PictureSize size{kWidth, kWidth};
+  DisplayChain display(size, 0.2, 0);
+  const PixelPlane field(size.pixels(), 1);
   std::vector<float> noise(kWidth * kWidth), shown;
   std::vector<std::uint8_t> grey(kWidth * kWidth);
   for (int frame = 0; frame < kFrames; ++frame) {
@@ -502,9 +501,7 @@ TEST(DisplayChain, RecursiveFilterReducesNoiseByItsWeight) {
       noise[i] =
           0.1f *
           normals_of(random_pair(static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(frame), 5)).first;
-    display.begin(false, true);
-    for (int row = 0; row < kWidth; ++row) display.show_row(noise, row, grey.data() + row * kWidth);
-    display.end();
+    display.show(noise, field, {.measured = 0, .open = 2}, false, true, grey.data());
   }
   shown.assign(grey.begin(), grey.end());
   // Edge enhancement of 0.7 against the mean of nine: 1.7^2 - 2 (1.7)(0.7)/9 + 0.7^2 / 9; the filter's weight
@@ -566,6 +563,12 @@ TEST(CArm, SaysWhatIsWrongWithAFile) {
   EXPECT_THAT(message(changed("\"bits\": 12", "\"bits\": 12.9")), HasSubstr("must be a whole number"));
   EXPECT_THAT(message(changed("\"lowest_kvp\": 40", "\"lowest_kvp\": 40.5")),
               HasSubstr("my.json: tube: \"lowest_kvp\" is 40.5; it must be a whole number"));
+  const auto with_display = [&](const char* display) {
+    return preset.substr(0, preset.rfind('}')) + ", \"display\": " + display + "}";
+  };
+  EXPECT_EQ(CArm::from_json(with_display(R"({"compression": 0.6})"), "my.json").compression, 0.6);
+  EXPECT_THAT(message(with_display(R"({"compression": 2})")),
+              HasSubstr("my.json: display: \"compression\" is 2; it must be 0 to 1"));
   const auto with_lag = [&](const char* lag) {
     std::string text = preset;
     const auto from = text.find("[{\"fraction\""), end = text.find(']', from) + 1;

@@ -24,7 +24,9 @@ sources="
   viewer/xraycast/fluoroscope/absorption_stage viewer/xraycast/fluoroscope/beam viewer/xraycast/fluoroscope/blur
   viewer/xraycast/fluoroscope/blur_stage viewer/xraycast/fluoroscope/c_arm viewer/xraycast/fluoroscope/collimation
   viewer/xraycast/fluoroscope/detected_spectrum viewer/xraycast/fluoroscope/detector_view
-  viewer/xraycast/fluoroscope/display_chain viewer/xraycast/fluoroscope/electronics_stage
+  viewer/xraycast/display/cell_ramps viewer/xraycast/display/display_chain viewer/xraycast/display/display_loops
+  viewer/xraycast/display/display_window viewer/xraycast/display/dynamic_range
+  viewer/xraycast/fluoroscope/electronics_stage
   viewer/xraycast/fluoroscope/exposure viewer/xraycast/fluoroscope/exposure_control
   viewer/xraycast/fluoroscope/fluoroscope viewer/xraycast/fluoroscope/fluoroscopy_options
   viewer/xraycast/fluoroscope/lag_stage viewer/xraycast/fluoroscope/measuring_field

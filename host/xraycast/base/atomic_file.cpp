@@ -453,6 +453,11 @@ bool close_outputs() {
   return true;
 }
 
+void keep_outputs() {
+  const std::lock_guard lock(outputs().mutex);
+  outputs().are_complete = true;
+}
+
 bool abandon_outputs() {
   const std::lock_guard lock(outputs().mutex);
   if (outputs().are_complete) return false;

@@ -124,6 +124,10 @@ int files_written();
 /// AtomicFolder throw Cancelled where they are made and committed. Within an OutputSeries files still may.
 bool close_outputs();
 
+/// Called when all that is left to do is to write last files, also where the job was told to end, as of a
+/// session that goes on until then: from now on close_outputs() and abandon_outputs() are without effect.
+void keep_outputs();
+
 /// As close_outputs(), within an OutputSeries too, and removes all temporary files and folders: for a process
 /// that then ends at once.
 bool abandon_outputs();

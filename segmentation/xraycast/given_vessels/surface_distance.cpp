@@ -19,10 +19,10 @@ double surface_area_mm2(const Mesh& mesh) {
   return sum;
 }
 
-double spacing_of_distances_mm(const Mesh& mesh, double least_radius_mm) {
-  constexpr double kDistances = 6e6, kFineness = 16;
+double spacing_of_distances_mm(const Mesh& mesh, double least_radius_mm, double most_distances) {
+  constexpr double kFineness = 16;
   const double area = surface_area_mm2(mesh), radius_mm = 2 * std::abs(volume_mm3(mesh)) / area;
-  return std::max(std::sqrt(2 * SurfaceDistance::kBand * area / kDistances),
+  return std::max(std::sqrt(2 * SurfaceDistance::kBand * area / most_distances),
                   std::min(radius_mm / kFineness, 0.5 * least_radius_mm));
 }
 

@@ -29,7 +29,8 @@ Vessels vessels_of_lines(const std::vector<CentrelineLine>& lines, const GivenVe
   progress.begin("surface", 1, "surfaces");
   const Mesh tubes = tube_mesh(found.tree);
   const double least_mm = least_radius_mm(found.tree);
-  const auto wall = surface_distance(tubes, spacing_of_distances_mm(tubes, least_mm));
+  constexpr double kDistances = 4e6;  // no line is fitted to them
+  const auto wall = surface_distance(tubes, spacing_of_distances_mm(tubes, least_mm, kDistances));
   if (wall->wall().triangles.empty())
     throw InputError("{}: no vessel: its lines are too thin for a surface", name);
   if (least_mm < wall->spacing_mm())

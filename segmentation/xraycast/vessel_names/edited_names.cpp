@@ -213,7 +213,8 @@ EditedNames with_edited_names(const VesselTree& tree, const fs::path& folder, co
 }
 
 fs::path keep_names(const fs::path& folder) {
-  const fs::path file = folder / kNamesFile, earlier = free_name_for_earlier(folder);
+  const fs::path file = folder / kNamesFile;
+  fs::path earlier = free_name_for_earlier(folder);
   try {
     write_whole_file(earlier, read_whole_file(file));
   } catch (const InputError&) {

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/display/picture_rows.hpp"
 #include "xraycast/fluoroscope/beam.hpp"
-#include "xraycast/fluoroscope/picture_rows.hpp"
 #include "xraycast/fluoroscope/water_path.hpp"
 
 namespace xraycast {

@@ -1,8 +1,8 @@
 #pragma once
 
+#include "xraycast/display/picture_rows.hpp"
 #include "xraycast/fluoroscope/blur.hpp"
 #include "xraycast/fluoroscope/c_arm.hpp"
-#include "xraycast/fluoroscope/picture_rows.hpp"
 
 namespace xraycast {
 

@@ -141,7 +141,7 @@ CArm CArm::from_json(const std::string& text, const std::string& origin) {
   const nlohmann::json json = parse_json(text, origin);
   const CArmFields fields(json, origin);
   fields.check_keys({"name", "sources", "source_axis_mm", "source_detector_mm", "table_aluminium_mm", "tube",
-                     "grid", "detector", "detector_dose", "fields_mm"});
+                     "grid", "detector", "detector_dose", "fields_mm", "display"});
   CArm c_arm;
   c_arm.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;
   c_arm.distances.source_axis_mm = fields.number("source_axis_mm", 200, 3000);
@@ -157,6 +157,11 @@ CArm CArm::from_json(const std::string& text, const std::string& origin) {
   c_arm.detector = detector_from(fields.object("detector"));
   c_arm.dose = dose_from(fields.object("detector_dose"));
   c_arm.fields_mm = fields.falling_numbers("fields_mm", 1000);
+  if (fields.has("display")) {
+    const CArmFields display = fields.object("display");
+    display.check_keys({"compression"});
+    c_arm.compression = display.number("compression", 0, 1);
+  }
   return c_arm;
 }
 

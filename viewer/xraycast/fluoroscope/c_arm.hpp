@@ -54,6 +54,7 @@ struct CArm {
   std::optional<AntiscatterGrid> grid;
   FluoroscopyDetector detector;
   DetectorDose dose;
+  double compression = 0;         ///< of the display's range, 0 to 1: see DynamicRange
   std::vector<double> fields_mm;  ///< zoom fields, the largest first: sides of squares on the detector
 
   /// Throws InputError naming `origin` and the field.

@@ -1,9 +1,9 @@
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/display/display_chain.hpp"
 #include "xraycast/fluoroscope/blur_stage.hpp"
 #include "xraycast/fluoroscope/detector_view.hpp"
-#include "xraycast/fluoroscope/display_chain.hpp"
 #include "xraycast/fluoroscope/electronics_stage.hpp"
 #include "xraycast/fluoroscope/lag_stage.hpp"
 #include "xraycast/fluoroscope/quanta_stage.hpp"
@@ -36,6 +36,10 @@ double pixel_on_detector_mm(const View& view, const Cone& distances) {
   return view.cone ? view.pixel_mm : view.pixel_mm * distances.source_detector_mm / distances.source_axis_mm;
 }
 
+double at_isocentre_mm(double on_detector_mm, const Cone& distances) {
+  return on_detector_mm * distances.source_axis_mm / distances.source_detector_mm;
+}
+
 /// Whether no C-arm or table moves that far between two pulses of one run.
 bool is_jump(const View& before, const View& now) {
   constexpr double kTurn_rad = 0.15, kWay_mm = 30;  // at 7.5/s some 65 deg/s and 22 cm/s
@@ -51,10 +55,11 @@ struct DetectionChain {
         absorption(seen.size),
         quanta(options.stages.quanta, options.seed),
         blur(options.stages.blur ? BlurStage(seen.size, view.pixel_mm, options.c_arm) : BlurStage(seen.size)),
-        electronics(options.stages.electronics, options.c_arm.detector, view.pixel_mm, options.seed) {
+        electronics(options.stages.electronics, options.c_arm.detector, view.pixel_mm, options.seed),
+        display(seen.size, at_isocentre_mm(view.pixel_mm, options.c_arm.distances),
+                options.range_compression()) {
     if (options.stages.scatter) scatter.emplace(seen, options.c_arm.grid);
     if (options.stages.lag) lag.emplace(seen.size, options.c_arm.detector.lag, options.pulses_per_s);
-    display.restart(view.width, view.height);
   }
 
   DetectorView seen;
@@ -192,16 +197,15 @@ void Fluoroscope::State::collect_light(Use use) {
 
 void Fluoroscope::State::show() {
   DetectionChain& stages = *chain;
-  DisplayChain& display = stages.display;
   const FluoroscopyOptions& options = generator.options();
-  const double codes = frame.mean_kev * stages.electronics.digitiser().codes_per_kev;
-  display.set_level(std::log(std::max(1.0, codes)));
-  display.begin(options.dose == DoseLevel::cine, options.stages.display);
-  for_bands(stages.seen.size, [&](int first, int end) {
-    for (int j = first; j < end; ++j)
-      display.show_row(frame.logarithm, j, frame.shown.data() + stages.seen.size.row(j));
-  });
-  display.end();
+  const auto logarithm_of = [&](double kev) {
+    return std::log(std::max(1.0, kev * stages.electronics.digitiser().codes_per_kev));
+  };
+  const double open_kev = generator.open_quanta() * generator.beam_and_table().beam->open.mean_kev();
+  stages.display.show(frame.logarithm, stages.seen.field,
+                      {.measured = logarithm_of(frame.mean_kev),
+                       .open = logarithm_of(std::min(open_kev, generator.full_scale_kev()))},
+                      options.dose == DoseLevel::cine, options.stages.display, frame.shown.data());
 }
 
 const FluoroscopyFrame& Fluoroscope::State::expose(const RayDepths& rays) {

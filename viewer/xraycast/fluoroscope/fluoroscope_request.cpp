@@ -45,6 +45,7 @@ FluoroscopyOptions options_of(const FluoroscopeRequest& request) {
   options.mas = request.mas;
   options.photons = request.photons;
   if (request.pulse_rate) options.pulses_per_s = *request.pulse_rate;
+  options.compression = request.compression;
   if (!request.stages.empty()) options.stages = FluoroscopyStages::from_list(request.stages);
   if (request.seed) options.seed = *request.seed;
   check(options);

@@ -18,7 +18,8 @@ struct FluoroscopeRequest {
   std::string dose{};                ///< low, normal (default), or cine
   std::optional<int> kvp{};
   std::optional<double> mas{}, photons{}, pulse_rate{};
-  std::string stages{};  ///< as FluoroscopyStages::from_list; empty: all
+  std::optional<double> compression{};  ///< of the display's range, 0 to 1; the C-arm's if left out
+  std::string stages{};                 ///< as FluoroscopyStages::from_list; empty: all
   std::optional<std::uint32_t> seed{};
 
   bool operator==(const FluoroscopeRequest&) const = default;

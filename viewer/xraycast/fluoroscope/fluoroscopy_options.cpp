@@ -35,6 +35,8 @@ void check(const FluoroscopyOptions& options) {
                      options.spectrum->name());
   if (!(options.pulses_per_s >= kLowestRate && options.pulses_per_s <= kHighestRate))
     throw InputError("{:g} pulses/s: must be {:g} to {:g}", options.pulses_per_s, kLowestRate, kHighestRate);
+  if (options.compression && !(*options.compression >= 0 && *options.compression <= 1))
+    throw InputError("a compression of {:g}: must be 0 to 1", *options.compression);
   const auto& blades = options.collimation;
   if (blades && !(blades->width_mm > 0 && blades->height_mm > 0 && std::isfinite(blades->turn_rad)))
     throw InputError("the collimator is shut ({:g} x {:g} mm); open its blades", blades->width_mm,

@@ -23,15 +23,18 @@ struct FluoroscopyOptions {
       photons{};  ///< quanta that a pixel of the open field detects, in place of an exposure
   std::optional<Spectrum> spectrum{};  ///< in place of the tube's; needs `photons`
   double pulses_per_s = 15;
+  std::optional<double> compression{};  ///< of the display's range, 0 to 1; none: the C-arm's
   FluoroscopyStages stages{};
   std::uint32_t seed = 1;
+
+  double range_compression() const { return compression.value_or(c_arm.compression); }
 
   /// Whether the exposure control chooses voltage or mAs.
   bool is_automatic() const { return !photons && !(kvp && mas); }
 };
 
 /// Throws InputError for an exposure of zero or without bound, a voltage outside the tube's range, a shut
-/// collimator, or a pulse rate outside 3 to 30/s.
+/// collimator, a pulse rate outside 3 to 30/s, or a compression outside 0 to 1.
 void check(const FluoroscopyOptions& options);
 
 }  // namespace xraycast

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/display/picture_rows.hpp"
 #include "xraycast/fluoroscope/c_arm.hpp"
-#include "xraycast/fluoroscope/picture_rows.hpp"
 
 #include <span>
 

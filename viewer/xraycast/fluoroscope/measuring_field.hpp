@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/fluoroscope/picture_rows.hpp"
+#include "xraycast/display/picture_rows.hpp"
 
 namespace xraycast {
 

@@ -80,13 +80,4 @@ void digitise_row(const Digitiser& digitiser, int count, const float* signal, st
 /// The signal that codes stand for.
 void signal_of_codes_row(const Digitiser& digitiser, int count, const std::uint16_t* codes, float* signal);
 
-/// The middle row sharpened by what it has above the mean of its 3 x 3 neighbourhood. Rows have one pixel
-/// more on both sides.
-void sharpened_row(const float* above, const float* row, const float* below, float strength, int count,
-                   float* out);
-
-/// shown += weight (now - shown)
-void recursive_row(const float* now, float weight, int count, float* shown);
-void windowed_row(const float* logarithm, float per_log, float middle, int count, std::uint8_t* grey);
-
 }  // namespace xraycast

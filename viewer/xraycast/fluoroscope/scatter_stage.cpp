@@ -36,10 +36,10 @@ Scatter::Beyond beyond_picture(const DetectorView& seen) {
 ScatterStage::ScatterStage(const DetectorView& seen, const std::optional<AntiscatterGrid>& grid)
     : size_(seen.size),
       weight_(grid ? static_cast<float>(grid->scatter / grid->primary) : 1),
-      columns_((size_.width + kCell - 1) / kCell),
-      scatter_(columns_, size_.bands(), kCell * seen.pixel_mm, beyond_picture(seen)) {
-  const std::size_t cells = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(size_.bands());
-  for (PixelPlane* plane : {&share_, &primary_, &water_}) plane->resize(cells);
+      ramps_(size_, kCell),
+      columns_(ramps_.columns()),
+      scatter_(columns_, ramps_.rows(), kCell * seen.pixel_mm, beyond_picture(seen)) {
+  for (PixelPlane* plane : {&share_, &primary_, &water_}) plane->resize(ramps_.cells());
 }
 
 void ScatterStage::gather_row(int j, const float* share, const float* field) {
@@ -60,28 +60,6 @@ void ScatterStage::weigh_band(int first, const QuantaTable& table, const WaterPa
   }
 }
 
-void ScatterStage::row(int j, float* scattered) const {
-  const int rows = size_.bands();
-  const float y =
-      std::clamp((static_cast<float>(j) + 0.5f) / kCell - 0.5f, 0.0f, static_cast<float>(rows - 1));
-  const int above = std::min(static_cast<int>(y), std::max(0, rows - 2)),
-            below = std::min(above + 1, rows - 1);
-  const float part = y - static_cast<float>(above);
-  const auto at = [&](int column) {
-    const int inside = std::min(column, columns_ - 1);
-    return weight_ * std::lerp(result_[above * columns_ + inside], result_[below * columns_ + inside], part);
-  };
-  // Between two middles the row is a ramp; the first one begins half a cell before the row.
-  thread_local PixelPlane ramps;
-  ramps.resize(static_cast<std::size_t>(columns_ + 1) * kCell);
-  float from = at(0);
-  for (int column = 0; column <= columns_; ++column) {
-    const float to = at(column), slope = (to - from) / kCell;
-    float* const ramp = ramps.data() + static_cast<std::ptrdiff_t>(column) * kCell;
-    for (int i = 0; i < kCell; ++i) ramp[i] = from + slope * (static_cast<float>(i) + 0.5f);
-    from = to;
-  }
-  std::copy_n(ramps.data() + kCell / 2, size_.width, scattered);
-}
+void ScatterStage::row(int j, float* scattered) const { ramps_.row(result_.data(), weight_, j, scattered); }
 
 }  // namespace xraycast

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/display/cell_ramps.hpp"
 #include "xraycast/fluoroscope/c_arm.hpp"
 #include "xraycast/fluoroscope/detector_view.hpp"
 #include "xraycast/fluoroscope/pixel_loops.hpp"
@@ -31,6 +32,7 @@ class ScatterStage {
  private:
   PictureSize size_;
   float weight_;
+  CellRamps ramps_;
   int columns_;
   Scatter scatter_;
   PixelPlane share_, primary_, water_;

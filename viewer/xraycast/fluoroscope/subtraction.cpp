@@ -3,7 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/fluoroscope/pixel_loops.hpp"
+#include "xraycast/display/display_loops.hpp"
 
 #include <algorithm>
 #include <array>

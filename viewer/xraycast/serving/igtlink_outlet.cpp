@@ -69,14 +69,16 @@ void IgtlinkOutlet::publish(const LiveFrame& frame) {
   publish_or_withdraw(IgtlinkStream::transform, [&] { return tips_of(run); });
 }
 
-/// A few times a second.
+/// A few times a second, from the first step on.
 void IgtlinkOutlet::publish_report(const SimulatedRun& run) {
   constexpr double kInterval_s = 0.2;
+  const bool is_wanted = server_->wanted(IgtlinkStream::text);
   const double passed_s = run.now().time_s - reported_s_;
-  if (server_->wanted(IgtlinkStream::text) && reported_s_ >= 0 && passed_s >= 0 && passed_s < kInterval_s)
-    return;
+  if (is_wanted && reported_s_ >= 0 && passed_s >= 0 && passed_s < kInterval_s) return;
+  const std::string report = is_wanted ? run.monitor().json(false) : std::string();
+  if (report.empty()) return server_->withdraw(IgtlinkStream::text);
   reported_s_ = run.now().time_s;
-  publish_or_withdraw(IgtlinkStream::text, [&] { return pack_text("Report", run.monitor().json(false)); });
+  server_->publish(IgtlinkStream::text, pack_text("Report", report));
 }
 
 /// What nobody asked for is not packed, and what was packed earlier is too old for whoever asks next.

@@ -1,5 +1,6 @@
 #include "xraycast/window/viewer_window.hpp"
 
+#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/reports/run_comparison.hpp"
 #include "xraycast/window/body_panel.hpp"
 #include "xraycast/window/exposure_panel.hpp"
@@ -89,6 +90,7 @@ void run_viewer(const ViewSession& session, const std::string& device, const Pro
     draw_operator_screen(desk.viewer);
     window.end_gui();
   }
+  keep_outputs();
   if (!report.empty() && desk.viewer.intervention())
     write_report(report, desk.viewer.intervention()->run().monitor().json(true));
 }

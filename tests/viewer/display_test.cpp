@@ -1,0 +1,164 @@
+#include "xraycast/display/display_window.hpp"
+#include "xraycast/display/dynamic_range.hpp"
+#include "xraycast/fluoroscope/fluoroscope.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+namespace xraycast::display_test {
+namespace {
+
+constexpr PictureSize kSize{480, 400};
+constexpr float kStrength = 0.6f;
+
+/// A picture by a function of column and row.
+template <typename Value>
+PixelPlane plane_of(const Value& value) {
+  PixelPlane plane;
+  for (int j = 0; j < kSize.height; ++j)
+    for (int i = 0; i < kSize.width; ++i) plane.push_back(static_cast<float>(value(i, j)));
+  return plane;
+}
+
+PixelPlane compressed(const PixelPlane& logarithm, double pixel_mm, float strength = kStrength) {
+  DynamicRange range(kSize, pixel_mm);
+  range.measure(logarithm);
+  PixelPlane out(logarithm.size());
+  for (int j = 0; j < kSize.height; ++j)
+    range.compress_row(j, logarithm.data() + kSize.row(j), strength, 5, out.data() + kSize.row(j));
+  return out;
+}
+
+double ramp(double x, double softness) { return 1 / (1 + std::exp(-x / softness)); }
+
+/// The logarithms of random steps, as at a lung's edge and at metal.
+TEST(DynamicRange, EdgesDoNotRing) {
+  for (std::uint32_t seed = 0; seed < 40; ++seed) {
+    std::mt19937 random(seed);
+    const auto uniform = [&](double low, double high) {
+      return std::uniform_real_distribution(low, high)(random);
+    };
+    const double height = uniform(0.3, 3), softness = uniform(0.7, 6), angle = uniform(0, 6.28),
+                 offset = uniform(-20, 20), pixel_mm = uniform(0.2, 0.7);
+    const auto along = [&](int i, int j) {
+      return (i - 240) * std::cos(angle) + (j - 200) * std::sin(angle) - offset;
+    };
+    const PixelPlane shown = compressed(
+        plane_of([&](int i, int j) { return 5 + height * ramp(along(i, j), softness); }), pixel_mm);
+    // Far from the edge, and all.
+    float low = 0, high = 0, least = HUGE_VALF, most = -HUGE_VALF;
+    for (int j = 0; j < kSize.height; ++j)
+      for (int i = 0; i < kSize.width; ++i) {
+        const float value = shown[kSize.row(j) + static_cast<std::size_t>(i)];
+        if (along(i, j) < -120) low = value;
+        if (along(i, j) > 120) high = value;
+        least = std::min(least, value);
+        most = std::max(most, value);
+      }
+    const float step = high - low;
+    EXPECT_NEAR(step, (1 - kStrength) * height, 0.02 * height) << seed;
+    EXPECT_LT(std::max(low - least, most - high), 0.05f * step) << seed << ": a step of " << height;
+  }
+}
+
+TEST(DynamicRange, InstrumentsKeepTheirContrast) {
+  for (const double width_px : {2.0, 6.0, 10.0})  // at 0.2 mm: a wire of 0.4 mm to a catheter of 2 mm
+    for (const double slope : {0.0, 2e-3}) {      // of the body beneath, an e in 10 cm
+      const auto body = [&](int i, int j) { return 5 + slope * (i + 0.5 * j); };
+      const auto line = [&](int i) { return std::abs(i - 239.5) <= width_px / 2 ? 0.15 : 0.0; };
+      const PixelPlane with = compressed(plane_of([&](int i, int j) { return body(i, j) - line(i); }), 0.2),
+                       without = compressed(plane_of(body), 0.2);
+      const std::size_t at = kSize.row(200) + 240;
+      // The tenth is what means over 2 cm have of a line of 2 mm.
+      EXPECT_GT(without[at] - with[at], 0.9 * 0.15) << width_px << " pixels, slope " << slope;
+    }
+}
+
+TEST(DynamicRange, NothingChangesWithoutStrength) {
+  const PixelPlane logarithm = plane_of([](int i, int j) { return 5 + std::sin(0.1 * i) + 0.01 * j; });
+  EXPECT_EQ(compressed(logarithm, 0.3, 0), logarithm);
+}
+
+TEST(DisplayWindow, FollowsTheBodyAndNothingElse) {
+  DisplayWindow window(kSize);
+  const PixelPlane field = plane_of([](int i, int) { return i < 400 ? 1 : 0; });
+  const auto follow = [&](double brightest) {
+    // The body is a ramp from 4, beside it the open field, behind blades nearly nothing.
+    const PixelPlane logarithm = plane_of([&](int i, int) {
+      return i >= 400 ? 0.1 : i >= 300 ? 9.5 : 4 + (brightest - 4) * i / 300;
+    });
+    window.begin(9.5);
+    for (int j = 0; j < kSize.height; ++j) {
+      const std::size_t at = kSize.row(j);
+      window.count_row(j, logarithm.data() + at, logarithm.data() + at, field.data() + at);
+    }
+    window.follow();
+  };
+  follow(8);
+  EXPECT_NEAR(window.middle(), 6, 0.05);
+  EXPECT_NEAR(window.width(), 4 * 1.12, 0.1);  // with its margins
+  const float before = window.width();
+  follow(6);
+  EXPECT_LT(std::abs(window.width() - before), 0.2 * before);  // no flicker
+  for (int frame = 0; frame < 60; ++frame) follow(6);
+  EXPECT_NEAR(window.width(), 2 * 1.12, 0.1);
+  window.forget();
+  follow(8);
+  EXPECT_NEAR(window.width(), 4 * 1.12, 0.1);
+}
+
+/// Bodies of lungs, a spine and a metal implant by seeds: optical depths, as those of water.
+std::vector<float> body(std::uint32_t seed, int side) {
+  std::mt19937 random(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution(low, high)(random);
+  };
+  const double trunk = uniform(2.5, 4.5), lung = uniform(1.2, 2.2), spine = uniform(0.8, 1.6),
+               middle = uniform(-0.2, 0.2), metal = uniform(1, 3);
+  std::vector<float> tau;
+  for (int j = 0; j < side; ++j)
+    for (int i = 0; i < side; ++i) {
+      const double x = 2.0 * i / side - 1, y = 2.0 * j / side - 1;
+      const double inside = std::max(0.0, 1 - std::pow(x / 1.2, 2));
+      double depth = trunk * std::sqrt(inside);
+      for (const double at : {-0.5, 0.5}) depth -= lung * ramp(0.3 - std::hypot(x - at, 0.6 * y), 0.02);
+      depth += spine * ramp(0.12 - std::abs(x - middle), 0.01);
+      depth += metal * ramp(0.05 - std::hypot(x + 0.3, y - 0.6), 0.004);
+      tau.push_back(static_cast<float>(std::max(depth, 0.0)));
+    }
+  return tau;
+}
+
+double share_at_the_ends(const std::vector<std::uint8_t>& shown) {
+  return static_cast<double>(
+             std::ranges::count_if(shown, [](int grey) { return grey == 0 || grey == 255; })) /
+         static_cast<double>(shown.size());
+}
+
+TEST(DisplayChain, ABodysRangeIsShown) {
+  constexpr int kSide = 480;
+  double without = 0, most = 0;
+  for (std::uint32_t seed = 0; seed < 12; ++seed) {
+    FluoroscopyOptions options;
+    options.c_arm = CArm::named("fixed-single-plane");
+    options.seed = seed;
+    const View view{.cone = Cone{785, 1200}, .width = kSide, .height = kSide, .pixel_mm = 0.616};
+    const auto shown = [&](double compression) {
+      options.compression = compression;
+      Fluoroscope fluoroscope(options, view, WaterPath(Opacity("water", {{-1000, 0}, {0, 0.02}})));
+      fluoroscope.settle(body(seed, kSide));
+      return fluoroscope.expose(body(seed, kSide)).shown;
+    };
+    most = std::max(most, share_at_the_ends(shown(0.6)));
+    without += share_at_the_ends(shown(0)) / 12;
+  }
+  EXPECT_LT(most, 0.01);
+  EXPECT_GT(without, 0.05);  // otherwise these bodies prove nothing
+}
+
+}  // namespace
+}  // namespace xraycast::display_test

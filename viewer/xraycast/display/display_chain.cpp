@@ -1,0 +1,109 @@
+#include "xraycast/display/display_chain.hpp"
+
+#include "xraycast/display/display_loops.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+// Chosen by eye: units' settings are not published.
+constexpr float kEdgeStrength = 0.7f;
+constexpr float kNewFrameWeight =
+    0.4f;  // of fluoroscopy's recursive filter: a quarter of the noise's variance stays
+constexpr float kWindowWidth = 2.4f;  // of the logarithm, from black to white, without compression
+
+/// At an end of a row, beyond which the picture goes on as it ends.
+float sharpened_end(const std::array<const float*, 3>& rows, int column, int width) {
+  std::array<std::array<float, 3>, 3> around{};
+  for (std::size_t j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; ++i)
+      around[j][static_cast<std::size_t>(i)] = rows[j][std::clamp(column + i - 1, 0, width - 1)];
+  float sharpened = 0;
+  sharpened_row(around[0].data(), around[1].data(), around[2].data(), kEdgeStrength, 1, &sharpened);
+  return sharpened;
+}
+
+}  // namespace
+
+DisplayChain::DisplayChain(const PictureSize& size, double pixel_mm, double compression)
+    : size_(size),
+      compression_(static_cast<float>(compression)),
+      range_(size, pixel_mm),
+      window_(size),
+      compressed_(size.pixels()),
+      filtered_(size.pixels()) {}
+
+void DisplayChain::forget() {
+  is_first_ = true;
+  window_.forget();
+}
+
+void DisplayChain::set_codes(int bits, float dark) {
+  if (bits == bits_ && dark == dark_) return;
+  bits_ = bits;
+  dark_ = dark;
+  logarithms_.resize(std::size_t{1} << bits);
+  for (std::size_t code = 0; code < logarithms_.size(); ++code)
+    logarithms_[code] = std::log(std::max(1.0f, static_cast<float>(code) - dark));
+}
+
+void DisplayChain::take_logarithm(const std::uint16_t* codes, int count, float* logarithm) const {
+  for (int i = 0; i < count; ++i) logarithm[i] = logarithms_[codes[i]];
+}
+
+void DisplayChain::show(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels,
+                        bool is_recording, bool is_processed, std::uint8_t* grey) {
+  is_processed_ = is_processed;
+  weight_ = is_first_ || is_recording || !is_processed ? 1 : kNewFrameWeight;
+  const bool compresses = is_processed && compression_ > 0;
+  if (compresses) compress(logarithm, field, levels);
+  middle_ = compresses ? window_.middle() : static_cast<float>(levels.measured);
+  width_ = compresses ? window_.width() : kWindowWidth;
+  const PixelPlane& source = compresses ? compressed_ : logarithm;
+  for_bands(size_, [&](int first, int end) {
+    for (int j = first; j < end; ++j) show_row(source, j, grey + size_.row(j));
+  });
+  is_first_ = false;
+}
+
+void DisplayChain::compress(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels) {
+  range_.measure(logarithm);
+  window_.begin(levels.open);
+  const auto middle = static_cast<float>(levels.measured);
+  for_bands(size_, [&](int first, int end) {
+    for (int j = first; j < end; ++j) {
+      const std::size_t at = size_.row(j);
+      range_.compress_row(j, logarithm.data() + at, compression_, middle, compressed_.data() + at);
+      window_.count_row(j, logarithm.data() + at, compressed_.data() + at, field.data() + at);
+    }
+  });
+  window_.follow();
+}
+
+void DisplayChain::show_row(const PixelPlane& logarithm, int row, std::uint8_t* grey) {
+  const int width = size_.width;
+  const auto row_at = [&](int j) { return logarithm.data() + size_.row(std::clamp(j, 0, size_.height - 1)); };
+  float* const shown = filtered_.data() + size_.row(row);
+  const float* now = row_at(row);
+  thread_local std::vector<float> sharp;
+  sharp.resize(static_cast<std::size_t>(width));
+  if (is_processed_) {
+    const std::array<const float*, 3> rows{row_at(row - 1), now, row_at(row + 1)};
+    sharpened_row(rows[0], rows[1], rows[2], kEdgeStrength, width - 2, sharp.data() + 1);
+    sharp.front() = sharpened_end(rows, 0, width);
+    sharp.back() = sharpened_end(rows, width - 1, width);
+    now = sharp.data();
+  }
+  if (weight_ == 1)
+    std::copy_n(now, width, shown);
+  else
+    recursive_row(now, weight_, width, shown);
+  constexpr float kMiddle = 127.5f, kWhite = 255;
+  const float per_log = kWhite / width_;
+  windowed_row(shown, per_log, kMiddle - per_log * middle_, width, grey);
+}
+
+}  // namespace xraycast

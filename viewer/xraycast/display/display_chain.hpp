@@ -1,0 +1,53 @@
+#pragma once
+
+#include "xraycast/display/display_window.hpp"
+#include "xraycast/display/dynamic_range.hpp"
+
+#include <cstdint>
+#include <vector>
+
+namespace xraycast {
+
+/// From the detector's codes to the greys on the display: logarithm, compression of the range, edge
+/// enhancement, recursive temporal filter, window. The window fits what the body shows; without compression
+/// it has a fixed width and follows the level of the measuring field.
+class DisplayChain {
+ public:
+  /// `pixel_mm`: at the isocentre. `compression`: 0 to 1.
+  DisplayChain(const PictureSize& size, double pixel_mm, double compression);
+
+  /// The next frame is filtered with none before.
+  void forget();
+
+  /// Makes the table of logarithms unless it is there.
+  void set_codes(int bits, float dark);
+  void take_logarithm(const std::uint16_t* codes, int count, float* logarithm) const;
+
+  /// Natural logarithms of what a frame is shown by.
+  struct Levels {
+    double measured;  ///< the measuring field's
+    double open;      ///< the open field's, as far as codes reach
+  };
+
+  /// One frame. Recorded frames are not filtered over time. `field`: the share of the beam that reaches each
+  /// pixel.
+  void show(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels, bool is_recording,
+            bool is_processed, std::uint8_t* grey);
+
+ private:
+  void compress(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels);
+  void show_row(const PixelPlane& logarithm, int row, std::uint8_t* grey);
+
+  PictureSize size_;
+  int bits_ = 0;
+  float dark_ = 0, weight_ = 1, compression_;
+  bool is_first_ = true, is_processed_ = true;
+  float middle_ = 0, width_ = 1;   ///< of the grey window
+  std::vector<float> logarithms_;  ///< of every code
+  DynamicRange range_;
+  DisplayWindow window_;
+  PixelPlane compressed_;
+  PixelPlane filtered_;  ///< of the frames so far
+};
+
+}  // namespace xraycast
