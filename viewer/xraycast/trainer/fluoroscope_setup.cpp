@@ -44,6 +44,7 @@ void for_numbers(Setup& setup, const Each& each, const List& list) {
   each(options.dose);
   each(options.pulses_per_s);
   each(options.seed);
+  each(c_arm.compression);
   each(setup.water_per_mm);
 }
 

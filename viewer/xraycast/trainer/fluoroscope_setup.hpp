@@ -29,12 +29,12 @@ struct FluoroscopeSetup {
 FluoroscopeSetup fluoroscope_setup(const FluoroscopyOptions& options, double water_per_mm);
 
 /// Its numbers. In order: those of the C-arm, of its traps for charge and of its zoom fields, each list
-/// behind its length; zoom field, dose level, pulses a second and seed; the water's value per mm; and the
-/// beams: the energy that a cm2 absorbs an uGy, the lowest voltage, how many beams, the number of energies,
-/// the first one in keV, others 1 keV apart, water's mu/rho at each; and of each beam air kerma in uGy a mAs
-/// at the reference point and where its rate is limited, number of the first energy, their number, and the
-/// photons a cm2 and mAs that the detector absorbs at each, as floats. The C-arm's name, blades, an exposure
-/// by hand and stages are not among them.
+/// behind its length; zoom field, dose level, pulses a second, seed and the C-arm's compression; the water's
+/// value per mm; and the beams: the energy that a cm2 absorbs an uGy, the lowest voltage, how many beams, the
+/// number of energies, the first one in keV, others 1 keV apart, water's mu/rho at each; and of each beam air
+/// kerma in uGy a mAs at the reference point and where its rate is limited, number of the first energy, their
+/// number, and the photons a cm2 and mAs that the detector absorbs at each, as floats. The C-arm's name,
+/// blades, an exposure by hand and stages are not among them.
 std::vector<double> packed(const FluoroscopeSetup& setup);
 
 /// Throws InputError where numbers are missing, and as `check`.
