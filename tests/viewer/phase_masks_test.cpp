@@ -1,7 +1,7 @@
-#include "xraycast/acquisition/mask_phase.hpp"
 #include "xraycast/acquisition/phase_masks.hpp"
 
 #include "xraycast/acquisition/acquisition.hpp"
+#include "xraycast/acquisition/mask_phase.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <gmock/gmock.h>

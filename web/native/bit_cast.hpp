@@ -1,4 +1,5 @@
-// Included before all sources: the C++ library of Debian's emscripten has no std::bit_cast, though its compiler can do it.
+// Included before all sources: the C++ library of Debian's emscripten has no std::bit_cast, though its
+// compiler can do it.
 #pragma once
 
 #include <bit>

@@ -137,8 +137,8 @@ std::optional<double> BodyClock::next_instant(const std::string& mode, double ph
 }
 
 std::size_t BodyClock::index_of(const std::string& name) const {
-  const auto found = std::find_if(modes_.begin(), modes_.end(),
-                                  [&](const Mode& mode) { return mode.motion.name == name; });
+  const auto found =
+      std::find_if(modes_.begin(), modes_.end(), [&](const Mode& mode) { return mode.motion.name == name; });
   if (found == modes_.end()) refuse_mode(excerpt(name), "the body", names());
   return static_cast<std::size_t>(found - modes_.begin());
 }
