@@ -37,7 +37,9 @@ double ramp(double x, double softness) { return 1 / (1 + std::exp(-x / softness)
 
 /// The logarithms of random steps, as at a lung's edge and at metal.
 TEST(DynamicRange, EdgesDoNotRing) {
-  for (std::uint32_t seed = 0; seed < 40; ++seed) {
+  constexpr std::uint32_t kSeeds = 40;
+  std::uint32_t few = 0;
+  for (std::uint32_t seed = 0; seed < kSeeds; ++seed) {
     std::mt19937 random(seed);
     const auto uniform = [&](double low, double high) {
       return std::uniform_real_distribution(low, high)(random);
@@ -61,20 +63,43 @@ TEST(DynamicRange, EdgesDoNotRing) {
       }
     const float step = high - low;
     EXPECT_NEAR(step, (1 - kStrength) * height, 0.02 * height) << seed;
-    EXPECT_LT(std::max(low - least, most - high), 0.05f * step) << seed << ": a step of " << height;
+    const float rings = std::max(low - least, most - high) / step;
+    // Sharp oblique edges part cells, which are mixtures then: of these lines make the most.
+    EXPECT_LT(rings, 0.08f) << seed << ": a step of " << height << ", " << softness << " pixels soft, of "
+                            << pixel_mm << " mm";
+    few += rings < 0.05f;
   }
+  EXPECT_GE(few, 0.9 * kSeeds);
 }
 
-TEST(DynamicRange, InstrumentsKeepTheirContrast) {
+/// Lines on bodies that are even or slope: where the base follows the body, signal and noise are reduced
+/// alike.
+TEST(DynamicRange, InstrumentsKeepTheirContrastToNoise) {
+  std::mt19937 random(5);
+  std::normal_distribution<float> normal(0, 0.1f);
+  const PixelPlane noise = plane_of([&](int, int) { return normal(random); });
   for (const double width_px : {2.0, 6.0, 10.0})  // at 0.2 mm: a wire of 0.4 mm to a catheter of 2 mm
     for (const double slope : {0.0, 2e-3}) {      // of the body beneath, an e in 10 cm
       const auto body = [&](int i, int j) { return 5 + slope * (i + 0.5 * j); };
       const auto line = [&](int i) { return std::abs(i - 239.5) <= width_px / 2 ? 0.15 : 0.0; };
-      const PixelPlane with = compressed(plane_of([&](int i, int j) { return body(i, j) - line(i); }), 0.2),
-                       without = compressed(plane_of(body), 0.2);
-      const std::size_t at = kSize.row(200) + 240;
+      const auto noisy = [&](int i, int j) {
+        return body(i, j) + noise[kSize.row(j) + static_cast<std::size_t>(i)];
+      };
+      const PixelPlane without = compressed(plane_of(noisy), 0.2), still = compressed(plane_of(body), 0.2),
+                       with = compressed(plane_of([&](int i, int j) { return noisy(i, j) - line(i); }), 0.2);
+      double contrast = 0, spread = 0, raw = 0, count = 0;
+      for (int j = 100; j < 300; ++j)
+        for (int i = 238; i <= 241; ++i) {
+          const std::size_t at = kSize.row(j) + static_cast<std::size_t>(i);
+          if (line(i) == 0) continue;
+          contrast += without[at] - with[at];
+          spread += std::pow(without[at] - still[at], 2);
+          raw += std::pow(noise[at], 2);
+          ++count;
+        }
+      const double gain = std::sqrt(spread / raw);
       // The tenth is what means over 2 cm have of a line of 2 mm.
-      EXPECT_GT(without[at] - with[at], 0.9 * 0.15) << width_px << " pixels, slope " << slope;
+      EXPECT_GT(contrast / count / 0.15, 0.9 * gain) << width_px << " pixels, slope " << slope;
     }
 }
 
@@ -133,10 +158,15 @@ std::vector<float> body(std::uint32_t seed, int side) {
   return tau;
 }
 
-double share_at_the_ends(const std::vector<std::uint8_t>& shown) {
-  return static_cast<double>(
-             std::ranges::count_if(shown, [](int grey) { return grey == 0 || grey == 255; })) /
-         static_cast<double>(shown.size());
+/// Of the pixels in which there is a body.
+double share_at_the_ends(const std::vector<float>& tau, const std::vector<std::uint8_t>& shown) {
+  double ends = 0, all = 0;
+  for (std::size_t i = 0; i < tau.size(); ++i) {
+    if (tau[i] < 0.5) continue;
+    ++all;
+    ends += shown[i] == 0 || shown[i] == 255;
+  }
+  return ends / all;
 }
 
 TEST(DisplayChain, ABodysRangeIsShown) {
@@ -151,10 +181,10 @@ TEST(DisplayChain, ABodysRangeIsShown) {
       options.compression = compression;
       Fluoroscope fluoroscope(options, view, WaterPath(Opacity("water", {{-1000, 0}, {0, 0.02}})));
       fluoroscope.settle(body(seed, kSide));
-      return fluoroscope.expose(body(seed, kSide)).shown;
+      return share_at_the_ends(body(seed, kSide), fluoroscope.expose(body(seed, kSide)).shown);
     };
-    most = std::max(most, share_at_the_ends(shown(0.6)));
-    without += share_at_the_ends(shown(0)) / 12;
+    most = std::max(most, shown(0.6));
+    without += shown(0) / 12;
   }
   EXPECT_LT(most, 0.01);
   EXPECT_GT(without, 0.05);  // otherwise these bodies prove nothing

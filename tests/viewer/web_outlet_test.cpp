@@ -107,11 +107,12 @@ TEST_F(WebOutletTest, TellsHowFarAnExerciseIs) {
   WebTestTab tab(outlet_->server().page_address());
   intervention_->manual()->set_rates(100, 0);
   std::string told;
-  for (int k = 0; k < 500 && told.find(R"("is_complete":true)") == std::string::npos; ++k) {
+  wait_until([&] {
     publish();
     for (std::string text = tab.receive().payload; text.starts_with('{'); text = tab.receive().payload)
       told = text;
-  }
+    return told.find(R"("is_complete":true)") != std::string::npos;
+  });
   EXPECT_THAT(told, testing::HasSubstr(R"("exercise":{"title":"In")"));
   EXPECT_THAT(told, testing::HasSubstr(R"("task":"Go in.")"));
   EXPECT_THAT(told, testing::HasSubstr(R"("is_complete":true)"));

@@ -126,7 +126,7 @@ void DynamicRange::average(const PixelPlane& logarithm) {
 
 /// By least squares over 3 x 3 cells; then the mean of the lines of 3 x 3 cells.
 void DynamicRange::fit_lines() {
-  constexpr double kFlat = 0.03 * 0.03;  // variance below which the base is taken for a constant
+  constexpr double kFlat = 0.02 * 0.02;  // variance below which the base is taken for a constant
   const int columns = ramps_.columns(), rows = ramps_.rows();
   PixelPlane squares(means_.size()), products(means_.size());
   for (std::size_t i = 0; i < means_.size(); ++i) {
