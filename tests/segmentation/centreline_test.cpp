@@ -181,10 +181,11 @@ TEST(Centrelines, OfARingEndWhereItIsCutAndNotInASpur) {
   const auto at = [&](double degrees, double out = 20) {
     return middle + out * glm::dvec3(std::cos(glm::radians(degrees)), std::sin(glm::radians(degrees)), 0);
   };
-  const MaskLumen lumen(mask_where({.size = {60, 60, 16}}, [&](const glm::dvec3& p) {
+  const Mask mask = mask_where({.size = {60, 60, 16}}, [&](const glm::dvec3& p) {
     return std::hypot(glm::length(glm::dvec2(p - middle)) - 20, p.z - 8) < 3 ||
            distance_to_segment(p, at(0), at(0, 28)) < 3;
-  }));
+  });
+  const MaskLumen lumen(mask);
   // A way in at 0 degrees, and a spur of two voxels at each of two other places.
   SkeletonGraph graph;
   const auto add = [&](int from, int to, std::vector<glm::dvec3> points_mm) {
