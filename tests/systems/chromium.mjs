@@ -26,10 +26,16 @@ export async function start_chromium(...its_flags) {
   browser = await launch_chromium(...flags);
 }
 
+/** A Chromium that has crashed may never end: its handler of crashes was seen to hold it for good. */
 export async function end_chromium() {
-  await browser?.close();
+  const closed = browser?.close().catch(() => {});
+  const too_late = new Promise((done) => setTimeout(done, 10000, "hangs").unref());
+  if ((await Promise.race([closed, too_late])) === "hangs") kill_chromium();
   screen?.kill();
 }
+
+/** With its children: it is the leader of their group. */
+const kill_chromium = () => process.kill(-browser.process().pid, "SIGKILL");
 
 /** The Chromium that the tests share. It draws by Mesa, by the processor. */
 export const chromium = () => browser;
@@ -62,7 +68,7 @@ export function browser_test(name, body) {
     } catch (error) {
       if (await answers()) throw error;
       t.diagnostic(`Chromium hung, and was started anew: ${error.message}`);
-      process.kill(-browser.process().pid, "SIGKILL"); // with its children; it is the leader of their group
+      kill_chromium();
       browser = await launch_chromium(...flags);
       await body(t);
     }
