@@ -19,6 +19,8 @@ using NodeNumbers = std::unordered_map<std::uint64_t, std::size_t>;
 
 /// Each node's own, of places within a kilometre.
 std::uint64_t key_of(const PageMotion::Node& node) {
+  // The sum is small.
+  // NOLINTNEXTLINE(bugprone-misplaced-widening-cast)
   const auto part = [](std::int32_t i) { return static_cast<std::uint64_t>(i + (1 << 20)); };
   return part(node[0]) | part(node[1]) << 21 | part(node[2]) << 42;
 }

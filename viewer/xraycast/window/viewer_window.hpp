@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/acquisition/phase_masks.hpp"
+#include "xraycast/acquisition/mask_phase.hpp"
 #include "xraycast/base/progress.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/scene/session_file.hpp"
