@@ -1,7 +1,7 @@
 #include "options/motion_options.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/plain_text.hpp"
+#include "xraycast/base/named_number.hpp"
 
 #include <fmt/format.h>
 
@@ -86,14 +86,12 @@ std::map<std::string, double> parse_phases(const std::vector<std::string>& texts
 std::map<std::string, int> parse_keys(const std::vector<std::string>& texts) {
   std::map<std::string, int> keys;
   for (const std::string& text : texts) {
-    const auto equals = text.rfind('=');
-    int count = 0;
-    if (equals == std::string::npos || equals == 0 ||
-        !parse_whole(std::string_view(text).substr(equals + 1), count))
+    const auto key = parse_named_number<int>(text);
+    if (!key)
       throw InputError("--keys {}: must be a mode and the number of its key phases, such as breath=4",
                        excerpt(text));
-    if (!keys.emplace(text.substr(0, equals), count).second)
-      throw InputError("--keys {}: {} is given twice; leave one of them out", text, text.substr(0, equals));
+    if (!keys.insert(*key).second)
+      throw InputError("--keys {}: {} is given twice; leave one of them out", text, key->first);
   }
   return keys;
 }

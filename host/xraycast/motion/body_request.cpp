@@ -1,13 +1,13 @@
 #include "xraycast/motion/body_request.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/plain_text.hpp"
+#include "xraycast/base/named_number.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <string_view>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -91,12 +91,9 @@ bool has_r_wave_between(const BodyRequest& request, double after_s, double until
 }
 
 PhaseGate parse_gate(const std::string& text) {
-  const auto equals = text.rfind('=');
-  double phase = 0;
-  if (equals == std::string::npos || equals == 0 ||
-      !parse_whole(std::string_view(text).substr(equals + 1), phase))
-    throw InputError("`gate` {}: must be a mode and its phase, such as heart=0.75", excerpt(text));
-  return {text.substr(0, equals), phase};
+  auto gate = parse_named_number<double>(text);
+  if (!gate) throw InputError("`gate` {}: must be a mode and its phase, such as heart=0.75", excerpt(text));
+  return {std::move(gate->first), gate->second};
 }
 
 }  // namespace xraycast

@@ -1,7 +1,7 @@
 #include "xraycast/motion/motion_request.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/plain_text.hpp"
+#include "xraycast/base/named_number.hpp"
 #include "xraycast/motion/moved_scan.hpp"
 
 #include <cmath>
@@ -51,12 +51,9 @@ Scan moved(Scan scan, const MotionOfRequest& motion, Progress& progress) {
 }
 
 std::pair<std::string, double> parse_phase(const std::string& text) {
-  const auto equals = text.rfind('=');
-  double phase = 0;
-  if (equals == std::string::npos || equals == 0 ||
-      !parse_whole(std::string_view(text).substr(equals + 1), phase))
-    throw InputError("`phase` {}: must be a mode and its phase, such as breath=0.3", excerpt(text));
-  return {text.substr(0, equals), phase};
+  auto phase = parse_named_number<double>(text);
+  if (!phase) throw InputError("`phase` {}: must be a mode and its phase, such as breath=0.3", excerpt(text));
+  return *std::move(phase);
 }
 
 }  // namespace xraycast

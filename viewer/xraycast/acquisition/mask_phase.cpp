@@ -1,13 +1,13 @@
 #include "xraycast/acquisition/mask_phase.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/plain_text.hpp"
+#include "xraycast/base/named_number.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <string_view>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -24,13 +24,11 @@ double cycle_of(const MotionMode& mode) {
 
 MaskPhase parse_mask_phase(const std::string& text) {
   if (text == "matched") return {};
-  const auto equals = text.rfind('=');
-  double phase = 0;
-  if (equals == std::string::npos || equals == 0 ||
-      !parse_whole(std::string_view(text).substr(equals + 1), phase))
+  auto fixed = parse_named_number<double>(text);
+  if (!fixed)
     throw InputError("`mask_phase` {}: must be matched, or a mode and its phase, such as heart=0.75",
                      excerpt(text));
-  return {PhaseGate{text.substr(0, equals), phase}};
+  return {PhaseGate{std::move(fixed->first), fixed->second}};
 }
 
 MaskMatching matching_of(const MaskPhase& wanted, const Motion& motion) {
