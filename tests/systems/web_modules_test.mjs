@@ -1,8 +1,10 @@
 // Modules of the exported page that need no browser: the address, the state, the run, the grey window and the C-arm.
 // esbuild, which `npm ci` has put into web/node_modules, bundles each. The folder web/ is named by XRAYCAST_WEB.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { test } from "node:test";
 import { pathToFileURL } from "node:url";
@@ -563,4 +565,14 @@ test("the body of a run has the phases of the picture that is shown", () => {
   store.update({ time_s: 2.5 * kRun.step_s });
   assert.equal(store.state.phases[0], 0.25);
   near(store.state.phases[1], 2 * kRun.step_s, "heart");
+});
+
+test("the committed simulation is what its sources make", { skip: !existsSync("/usr/bin/emcc") && "there is no emscripten" }, () => {
+  const folder = mkdtempSync(join(tmpdir(), "xraycast-simulation-"));
+  try {
+    execFileSync(join(web, "native/build.sh"), [join(folder, "simulation.txt"), join(folder, "objects")], { stdio: "ignore" });
+    assert.ok(readFileSync(join(folder, "simulation.txt")).equals(readFileSync(join(web, "simulation.txt"))), "run ./dev page");
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
 });

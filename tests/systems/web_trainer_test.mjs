@@ -165,10 +165,11 @@ browser_test("the report of a run that is saved is that of the script", async (t
   await page.click("#save-run");
   const [report, script] = await page.evaluate(async () => Promise.all(globalThis.saved.map((file) => file.text())));
   const told = JSON.parse(report), whole = repeated(script), late_s = whole.time_s - told.time_s;
-  // The script goes on at rest after the report.
-  const rows = script.trim().split("\n").map((row) => row.split(",")), [last, ...before] = rows.reverse();
-  const end_s = (Number(last[0]) - late_s).toFixed(3);
-  const again = repeated(`${[...before.filter(([time_s], i) => i === before.length - 1 || Number(time_s) < Number(end_s)).reverse(), [end_s, ...last.slice(1)]].map((row) => row.join()).join("\n")}\n`);
+  // The script goes on after the report: it is cut off there, between two rows if need be.
+  const [header, ...rows] = script.trim().split("\n"), time_s = (row) => Number(row.split(",")[0]);
+  const end_s = Number((time_s(rows.at(-1)) - late_s).toFixed(3)), next = rows.findIndex((row) => time_s(row) > end_s - 1e-9);
+  const [from, to] = [rows[Math.max(0, next - 1)], rows[next]].map((row) => row.split(",").map(Number)), part = (end_s - from[0]) / (to[0] - from[0] || 1);
+  const again = repeated(`${[header, ...rows.slice(0, next), from.map((value, i) => value + part * (to[i] - value)).join()].join("\n")}\n`);
   const kCounts = ["turn_backs", "reversals", "slips", "whips", "exchanges"];
   assert.ok(Math.abs(again.time_s - told.time_s) < 1e-6 && Math.abs(again.idle_s - told.idle_s) < 1e-6);
   let apart = 0;
@@ -313,12 +314,15 @@ browser_test("blades shut the beam, and a mask is subtracted", async () => {
   await wait_for_pulses(page, 2);
   const before = await drawn(page);
   await page.keyboard.down("i");
-  await wait_for_pulses(page, 25);
+  let after = before;
+  for (let darker = 0, most = Date.now() + 20000; darker <= 100; ) { // contrast agent alone
+    assert.ok(Date.now() < most, `${darker} pixels are darker`);
+    await wait_for_pulses(page, 5);
+    after = await drawn(page);
+    darker = 0;
+    for (let i = 0; i < before.data.length; i += 4) darker += Number(before.data[i] > 150 && before.data[i] - after.data[i] > 60);
+  }
   await screenshot(page, "fluoroscope-subtraction.png");
-  const after = await drawn(page);
-  let darker = 0;
-  for (let i = 0; i < before.data.length; i += 4) darker += Number(before.data[i] > 150 && before.data[i] - after.data[i] > 60);
-  assert.ok(darker > 100, `${darker}`); // contrast agent alone
   const { grey } = middle_of(before, after);
   assert.ok(grey > 180 && grey < 230, `${grey}`); // 0.8 of white
   await page.keyboard.up("i");
@@ -512,9 +516,4 @@ test("pages that steer are small", (t) => {
   const MB = statSync(file("one.html")).size / 1e6, simulation_MB = statSync(join(web, "simulation.txt")).size / 1e6;
   t.diagnostic(`${MB.toFixed(2)} MB, ${simulation_MB.toFixed(2)} MB of them simulation`);
   assert.ok(simulation_MB < 0.5, `${simulation_MB} MB`);
-});
-
-test("the committed simulation is what its sources make", { skip: !existsSync("/usr/bin/emcc") && "there is no emscripten" }, () => {
-  execFileSync(join(web, "native/build.sh"), [file("simulation.txt"), file("objects")], { stdio: "ignore" });
-  assert.ok(readFileSync(file("simulation.txt")).equals(readFileSync(join(web, "simulation.txt"))), "run ./dev page");
 });

@@ -693,10 +693,13 @@ class Window(unittest.TestCase):
         in_it = lambda: (tip := self.tip())[0] > 27 and -65 < tip[2] < -40
         self.wait_until(in_it, "the tip in the left renal artery")
         self.do("keyup", "Up", "keydown", "i")
-        time.sleep(1.5)
+
+        def filled():
+            x, y = (int(at) for at in self.place())  # the table follows the tip, and comes to rest after it
+            return sum(g < 40 for g in self.screen().region(62 + x - 10, y - 40, 90, 80)[::4]) > 300
+
+        self.wait_until(filled, "the left renal artery filled")
         self.keep_screen("renal-artery")
-        x, y = (int(at) for at in self.place())
-        self.assertGreater(sum(g < 40 for g in self.screen().region(62 + x - 10, y - 40, 90, 80)[::4]), 300, "it is filled")
         self.do("keyup", "i", "keyup", "x")
 
     def test_subtracts_and_maps_the_road(self):

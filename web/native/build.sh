@@ -45,11 +45,16 @@ mkdir -p "$folder/include"
 for library in fmt glm nlohmann; do ln -sfn "/usr/include/$library" "$folder/include/$library"; done
 flags="-std=c++20 -O2 -msimd128 -flto -DNDEBUG -DFMT_HEADER_ONLY -ffp-contract=off -fno-math-errno -fwasm-exceptions -Wno-psabi -include web/native/bit_cast.hpp"
 cd "$root"
-for source in $sources; do echo "$source"; done | xargs -P "$(nproc)" -I{} sh -c '
-  object=$1/$(echo "$2" | tr / _).o
-  [ -z "$(find host simulation viewer web/native -newer "$object" \( -name "*.hpp" -o -path "$2.cpp" -o -name build.sh \) 2>/dev/null | head -1)" ] && [ -f "$object" ] ||
-    emcc $3 -Ihost -Isimulation -Iviewer -I"$1/include" -isystem /usr/include/eigen3 -c "$2.cpp" -o "$object"' sh "$folder" {} "$flags"
-objects=$(for source in $sources; do echo "$folder/$(echo "$source" | tr / _).o"; done)
+# A folder's sources are compiled together: most of the time is spent on headers.
+rooms=$(for source in $sources; do dirname "$source"; done | sort -u)
+for room in $rooms; do
+  for source in $sources; do [ "$(dirname "$source")" != "$room" ] || echo "#include \"$root/$source.cpp\""; done >"$folder/sources"
+  cmp -s "$folder/sources" "$folder/$(echo "$room" | tr / _).cpp" || cp "$folder/sources" "$folder/$(echo "$room" | tr / _).cpp"
+done
+for room in $rooms; do echo "$folder/$(echo "$room" | tr / _)"; done | xargs -P "$(nproc)" -I{} sh -c '
+  [ -f "$2.o" ] && [ -z "$(find host simulation viewer web/native "$2.cpp" -newer "$2.o" \( -name "*.[ch]pp" -o -name build.sh \) | head -1)" ] ||
+    emcc $3 -Ihost -Isimulation -Iviewer -I"$1/include" -isystem /usr/include/eigen3 -c "$2.cpp" -o "$2.o"' sh "$folder" {} "$flags"
+objects=$(for room in $rooms; do echo "$folder/$(echo "$room" | tr / _).o"; done)
 # shellcheck disable=SC2086
 emcc $flags $objects -o "$folder/simulation.wasm" --no-entry -sSTANDALONE_WASM=1 -sALLOW_MEMORY_GROWTH=1 -sFILESYSTEM=0 -sMALLOC=emmalloc
 node -e '

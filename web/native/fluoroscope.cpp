@@ -1,34 +1,23 @@
 // What a page's worker calls of the fluoroscope, which `./dev page` compiles to WebAssembly (docs/web.md).
 // One is open at a time. Functions that can fail return null, or a line that says why and stays until the
 // next call.
+#include "calls.hpp"
 #include "tube_beam.hpp"
 #include "xraycast/acquisition/console.hpp"
 
 #include <cstdint>
 #include <emscripten/emscripten.h>
 #include <optional>
-#include <string>
 #include <vector>
 
 namespace {
 
-std::vector<double> numbers;
+using xraycast::page::failure_of, xraycast::page::numbers;
+
 std::vector<float> rays;
 std::optional<xraycast::FluoroscopyConsole> console;
 std::optional<xraycast::WaterPath> path;
 xraycast::DoseRecord skipped;  // of pulses that were given and not drawn
-std::string text;
-
-template <typename Action>
-const char* failure_of(const Action& action) {
-  try {
-    action();
-    return nullptr;
-  } catch (const std::exception& error) {
-    text = error.what();
-    return text.c_str();
-  }
-}
 
 xraycast::View view_of_numbers() {
   xraycast::View view{.lao_rad = numbers[0],

@@ -3,6 +3,8 @@
 // next call.
 #include "xraycast/trainer/trainer.hpp"
 
+#include "calls.hpp"
+
 #include <cstdint>
 #include <emscripten/emscripten.h>
 #include <memory>
@@ -13,20 +15,10 @@
 
 namespace {
 
-std::vector<double> numbers;
-std::unique_ptr<xraycast::Trainer> trainer;
-std::string text;
+using xraycast::page::failure_of, xraycast::page::numbers;
+using xraycast::page::text;
 
-template <typename Action>
-const char* failure_of(const Action& action) {
-  try {
-    action();
-    return nullptr;
-  } catch (const std::exception& error) {
-    text = error.what();
-    return text.c_str();
-  }
-}
+std::unique_ptr<xraycast::Trainer> trainer;
 
 }  // namespace
 

@@ -4,6 +4,7 @@
 #include "xraycast/mechanics/friction_lanes.hpp"
 #include "xraycast/mechanics/lane_groups.hpp"
 #include "xraycast/mechanics/lanes.hpp"
+#include "xraycast/mechanics/units.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -15,8 +16,6 @@ namespace xraycast {
 namespace {
 
 using Eigen::Vector2d, Eigen::Vector3d;
-
-constexpr double kMilli = 1e-3, kMicro = 1e-6;
 
 // An introducer is a tube of hard plastic; its stiffness fades over its last millimetres.
 constexpr double kIntroducer_N_mm2 = 20, kIntroducerFade_mm = 5;

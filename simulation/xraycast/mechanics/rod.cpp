@@ -4,6 +4,7 @@
 #include "xraycast/mechanics/lane_groups.hpp"
 #include "xraycast/mechanics/rod_elements.hpp"
 #include "xraycast/mechanics/rod_frames.hpp"
+#include "xraycast/mechanics/units.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -16,8 +17,6 @@ namespace {
 using Eigen::Vector2d, Eigen::Vector3d;
 using Frame = RodState::Frame;
 using Strain = RodState::Strain;
-
-constexpr double kMilli = 1e-3, kMicro = 1e-6;
 
 // A long cylinder's drag coefficient at Reynolds numbers of some 300 to 3000: 1 to 7 m/s in blood.
 constexpr double kDragCoefficient = 1;

@@ -2,6 +2,7 @@
 #include "xraycast/mechanics/rod.hpp"
 #include "xraycast/mechanics/rod_elements.hpp"
 #include "xraycast/mechanics/rod_frames.hpp"
+#include "xraycast/mechanics/units.hpp"
 
 #include <algorithm>
 #include <array>
@@ -15,8 +16,6 @@ namespace {
 using Eigen::Vector3d;
 using Frame = RodState::Frame;
 using Strain = RodState::Strain;
-
-constexpr double kMilli = 1e-3, kMicro = 1e-6;
 
 Vector3d to_vector(const Triple<double>& v) { return {v.x, v.y, v.z}; }
 

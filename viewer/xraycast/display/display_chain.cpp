@@ -29,16 +29,13 @@ float sharpened_end(const std::array<const float*, 3>& rows, int column, int wid
 }  // namespace
 
 DisplayChain::DisplayChain(const PictureSize& size, double pixel_mm, double compression)
-    : size_(size),
-      compression_(static_cast<float>(compression)),
-      range_(size, pixel_mm),
-      window_(size),
-      compressed_(size.pixels()),
-      filtered_(size.pixels()) {}
+    : size_(size), filtered_(size.pixels()) {
+  if (compression > 0) compression_.emplace(size, pixel_mm, compression);
+}
 
 void DisplayChain::forget() {
   is_first_ = true;
-  window_.forget();
+  if (compression_) compression_->window.forget();
 }
 
 void DisplayChain::set_codes(int bits, float dark) {
@@ -58,29 +55,37 @@ void DisplayChain::show(const PixelPlane& logarithm, const PixelPlane& field, co
                         bool is_recording, bool is_processed, std::uint8_t* grey) {
   is_processed_ = is_processed;
   weight_ = is_first_ || is_recording || !is_processed ? 1 : kNewFrameWeight;
-  const bool compresses = is_processed && compression_ > 0;
-  if (compresses) compress(logarithm, field, levels);
-  middle_ = compresses ? window_.middle() : static_cast<float>(levels.measured);
-  width_ = compresses ? window_.width() : kWindowWidth;
-  const PixelPlane& source = compresses ? compressed_ : logarithm;
+  const bool compresses = is_processed && compression_;
+  if (compresses) compression_->compress(logarithm, field, levels);
+  middle_ = compresses ? compression_->window.middle() : static_cast<float>(levels.measured);
+  width_ = compresses ? compression_->window.width() : kWindowWidth;
+  const PixelPlane& source = compresses ? compression_->picture : logarithm;
   for_bands(size_, [&](int first, int end) {
     for (int j = first; j < end; ++j) show_row(source, j, grey + size_.row(j));
   });
   is_first_ = false;
 }
 
-void DisplayChain::compress(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels) {
-  range_.measure(logarithm);
-  window_.begin(levels.open);
+DisplayChain::Compression::Compression(const PictureSize& of_pictures, double pixel_mm, double share)
+    : size(of_pictures),
+      strength(static_cast<float>(share)),
+      range(size, pixel_mm),
+      window(size),
+      picture(size.pixels()) {}
+
+void DisplayChain::Compression::compress(const PixelPlane& logarithm, const PixelPlane& field,
+                                         const Levels& levels) {
+  range.measure(logarithm);
+  window.begin(levels.open);
   const auto middle = static_cast<float>(levels.measured);
-  for_bands(size_, [&](int first, int end) {
+  for_bands(size, [&](int first, int end) {
     for (int j = first; j < end; ++j) {
-      const std::size_t at = size_.row(j);
-      range_.compress_row(j, logarithm.data() + at, compression_, middle, compressed_.data() + at);
-      window_.count_row(j, logarithm.data() + at, compressed_.data() + at, field.data() + at);
+      const std::size_t at = size.row(j);
+      range.compress_row(j, logarithm.data() + at, strength, middle, picture.data() + at);
+      window.count_row(j, logarithm.data() + at, picture.data() + at, field.data() + at);
     }
   });
-  window_.follow();
+  window.follow();
 }
 
 void DisplayChain::show_row(const PixelPlane& logarithm, int row, std::uint8_t* grey) {

@@ -4,6 +4,7 @@
 #include "xraycast/display/dynamic_range.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace xraycast {
@@ -35,18 +36,26 @@ class DisplayChain {
             bool is_processed, std::uint8_t* grey);
 
  private:
-  void compress(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels);
+  /// The range of pictures of one size.
+  struct Compression {
+    Compression(const PictureSize& size, double pixel_mm, double share);
+    void compress(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels);
+
+    PictureSize size;
+    float strength;
+    DynamicRange range;
+    DisplayWindow window;
+    PixelPlane picture;  ///< the last frame, compressed
+  };
   void show_row(const PixelPlane& logarithm, int row, std::uint8_t* grey);
 
   PictureSize size_;
   int bits_ = 0;
-  float dark_ = 0, weight_ = 1, compression_;
+  float dark_ = 0, weight_ = 1;
   bool is_first_ = true, is_processed_ = true;
   float middle_ = 0, width_ = 1;   ///< of the grey window
   std::vector<float> logarithms_;  ///< of every code
-  DynamicRange range_;
-  DisplayWindow window_;
-  PixelPlane compressed_;
+  std::optional<Compression> compression_;
   PixelPlane filtered_;  ///< of the frames so far
 };
 
