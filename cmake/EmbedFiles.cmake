@@ -12,7 +12,7 @@ set(table "")
 foreach(file IN LISTS FILES)
   get_filename_component(name "${file}" NAME)
   string(REGEX REPLACE "\\.(cl|json)$" "" name "${name}")
-  string(MAKE_C_IDENTIFIER "${name}_text" variable)
+  string(MAKE_C_IDENTIFIER "kText_${name}" variable)
   get_filename_component(dir "${file}" DIRECTORY)
   file(READ "${file}" text)
   # Headers include headers; their guards make repeats harmless.

@@ -201,7 +201,7 @@ glm::dmat3 vectors_to_lps(const TextHeader& text, const NrrdSpace& space) {
 VoxelType nrrd_type(const TextHeader& text) {
   using enum VoxelType;
   using Names = std::vector<std::string_view>;
-  static const std::pair<VoxelType, Names> kTypes[] = {
+  static const std::pair<VoxelType, Names> types[] = {
       {int8, {"signed char", "int8", "int8_t"}},
       {uint8, {"uchar", "unsigned char", "uint8", "uint8_t"}},
       {int16, {"short", "short int", "signed short", "signed short int", "int16", "int16_t"}},
@@ -215,7 +215,7 @@ VoxelType nrrd_type(const TextHeader& text) {
       {float32, {"float"}},
       {float64, {"double"}}};
   const std::string name = lower_case(text.get("type"));
-  for (const auto& [type, names] : kTypes)
+  for (const auto& [type, names] : types)
     if (std::ranges::find(names, name) != names.end()) return type;
   throw InputError("{}: voxels of type '{}' are not supported; save them as short", text.path.string(),
                    excerpt(name));

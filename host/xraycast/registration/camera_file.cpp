@@ -202,7 +202,7 @@ class OpenCvCamera {
 
   std::vector<double> needed(Names names, std::initializer_list<std::size_t> counts, const char* what) const {
     for (const std::size_t count : counts)
-      if (const std::vector<double> all = numbers(names, count); !all.empty()) return all;
+      if (std::vector<double> all = numbers(names, count); !all.empty()) return all;
     throw InputError("{}: must hold {}", name_, what);
   }
 

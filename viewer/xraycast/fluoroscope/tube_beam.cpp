@@ -18,10 +18,10 @@ FluoroscopyBeam::FluoroscopyBeam(const CArm& c_arm, const Spectrum& at_detector)
 }
 
 FluoroscopyBeam::FluoroscopyBeam(const CArm& c_arm, int kvp) : FluoroscopyBeam(c_arm, open_beam(c_arm, kvp)) {
-  constexpr double kMetre_mm = 1000, kFromDetector_mm = 300, kLeast_mm = 100;
-  const double at_metre_uGy = air_kerma_uGy_per_mas(c_arm.tube, kvp, kMetre_mm);
+  constexpr double kOneMetre_mm = 1000, kFromDetector_mm = 300, kLeast_mm = 100;
+  const double at_metre_uGy = air_kerma_uGy_per_mas(c_arm.tube, kvp, kOneMetre_mm);
   const auto at_uGy = [&](double distance_mm) {
-    const double closer = kMetre_mm / distance_mm;
+    const double closer = kOneMetre_mm / distance_mm;
     return closer * closer * at_metre_uGy;
   };
   reference_uGy_per_mas = at_uGy(reference_distance_mm(c_arm));

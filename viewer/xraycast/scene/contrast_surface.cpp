@@ -9,25 +9,25 @@
 namespace xraycast {
 namespace {
 
-constexpr std::uint32_t kSides = 12;
+constexpr std::uint32_t kRingSides = 12;
 
 /// Puts a ring's outline and its centre, the last, into a mesh; the index of the first.
 std::uint32_t add_ring(const Ring& ring, Mesh& mesh) {
   const auto first = static_cast<std::uint32_t>(mesh.points_mm.size());
-  for (std::uint32_t i = 0; i < kSides; ++i)
-    mesh.points_mm.emplace_back(ring.at_mm(2 * std::numbers::pi * i / kSides));
+  for (std::uint32_t i = 0; i < kRingSides; ++i)
+    mesh.points_mm.emplace_back(ring.at_mm(2 * std::numbers::pi * i / kRingSides));
   mesh.points_mm.emplace_back(ring.centre_mm);
   return first;
 }
 
 void add_drum(const Ring& from, const Ring& to, Mesh& mesh) {
   const std::uint32_t below = add_ring(from, mesh), above = add_ring(to, mesh);
-  for (std::uint32_t i = 0; i < kSides; ++i) {
-    const std::uint32_t next = (i + 1) % kSides;
-    mesh.triangles.push_back({below + kSides, below + next, below + i});
+  for (std::uint32_t i = 0; i < kRingSides; ++i) {
+    const std::uint32_t next = (i + 1) % kRingSides;
+    mesh.triangles.push_back({below + kRingSides, below + next, below + i});
     mesh.triangles.push_back({below + i, below + next, above + next});
     mesh.triangles.push_back({below + i, above + next, above + i});
-    mesh.triangles.push_back({above + kSides, above + i, above + next});
+    mesh.triangles.push_back({above + kRingSides, above + i, above + next});
   }
 }
 
@@ -72,7 +72,7 @@ Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_m
 
 Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_mg_ml,
                                 std::span<const glm::vec3> points_mm) const {
-  static_assert(kDrumPoints == 2 * (kSides + 1) && kDrumTriangles == 4 * kSides);
+  static_assert(kDrumPoints == 2 * (kRingSides + 1) && kDrumTriangles == 4 * kRingSides);
   const std::vector<float> mg_ml = drums_mg_ml(iodine_mg_ml);
   Surface surface;
   surface.mu_per_mm = mu_per_mm_;
