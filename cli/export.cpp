@@ -1,4 +1,5 @@
 #include "options/command.hpp"
+#include "options/fluoroscope_options.hpp"
 #include "options/motion_options.hpp"
 #include "options/run_options.hpp"
 #include "options/scene_options.hpp"
@@ -27,6 +28,7 @@ struct ExportArguments {
   bool is_live = false;
   std::string devices;
   std::vector<std::string> exercises;
+  FluoroscopeRequest fluoroscope;
   const CLI::App* command = nullptr;
 };
 
@@ -36,12 +38,15 @@ void check_applies(const ExportArguments& options, ExportFormat format) {
     check_not_given(*options.command, {"--precision", "--keys", "--gate", "--motion-speed"},
                     fmt::format("to {}, which holds no map; leave it out or write a .html", options.output));
     check_not_given(
-        *options.command, {"--live", "--devices", "--exercise"},
+        *options.command,
+        {"--live", "--devices", "--exercise", "--c-arm", "--dose", "--pulse-rate", "--compression", "--seed"},
         fmt::format("to {}, which steers nothing; leave it out or write a .html", options.output));
   }
   if (!options.is_live)
-    check_not_given(*options.command, {"--devices", "--exercise"},
-                    "without --live; leave it out or give --live too");
+    check_not_given(
+        *options.command,
+        {"--devices", "--exercise", "--c-arm", "--dose", "--pulse-rate", "--compression", "--seed"},
+        "without --live; leave it out or give --live too");
   if (options.run.script.empty() && !options.is_live)
     check_not_given(*options.command, {"--device-model", "--entry"},
                     "without a run; leave it out or give --script or --live too");
@@ -90,7 +95,7 @@ void add_trainer(const ExportArguments& options, const ViewSession& scene, Expor
   given.body = {};
   const RunRequest run = parse_run(given, scene.vessels);
   invocation.say(check(run));
-  make_steered(request, run, parse_devices(options.devices));
+  make_steered(request, run, parse_devices(options.devices), options.fluoroscope);
   std::vector<Exercise> exercises;
   for (const std::string& file : options.exercises) exercises.push_back(read_exercise(file, *run.tree));
   add_exercises(request, exercises);
@@ -149,6 +154,9 @@ void add_export(CLI::App& app, Invocation& invocation) {
       "    --device-model guidewire-035-j -o run.html\n"
       "  xraycast export map.exr --vessels vessels --live --device-model cobra-5f \\\n"
       "    --device-model guidewire-035-j --devices pigtail-5f,simmons2-5f -o trainer.html\n"
+      "  xraycast export map.exr --vessels vessels --live --c-arm mobile-flat-panel --dose low --compression "
+      "0.6 \\\n"
+      "    -o mobile.html\n"
       "  xraycast export map.exr --vessels thorax-truth --live -o tasks.html \\\n"
       "    --exercise examples/exercises/1-left-renal.json --exercise "
       "examples/exercises/6-left-carotid.json\n"
@@ -193,6 +201,7 @@ void add_export(CLI::App& app, Invocation& invocation) {
                    "Repeat it for several")
       ->allow_extra_args(false)
       ->type_name("JSON");
+  add_page_fluoroscope_options(*command, options->fluoroscope);
   command
       ->add_option("--precision", options->precision,
                    "How the page stores the map: byte (8 bits a texel) or half (16 bits)")

@@ -3,6 +3,7 @@
 #include "calls/job.hpp"
 #include "calls/values.hpp"
 #include "drawing.hpp"
+#include "fluoroscope.hpp"
 #include "run.hpp"
 #include "scans/motion.hpp"
 #include "scene.hpp"
@@ -63,10 +64,11 @@ HeldTree tree_in(const nb::object& vessels) {
 
 /// A page that steers by itself.
 void add_live(ExportRequest& request, const nb::object& vessels, const nb::object& live,
-              const nb::object& devices, const nb::object& entry, const nb::object& exercises) {
+              const nb::object& devices, const nb::object& entry, const nb::object& exercises,
+              const nb::object& fluoroscope) {
   if (live.is_none()) {
-    if (!devices.is_none() || !entry.is_none() || !exercises.is_none())
-      throw InputError("devices, entry, exercise: without live; leave them out");
+    if (!devices.is_none() || !entry.is_none() || !exercises.is_none() || !fluoroscope.is_none())
+      throw InputError("devices, entry, exercise, fluoroscope: without live; leave them out");
     return;
   }
   if (request.format != ExportFormat::page) throw InputError("live: a scene steers nothing; write a .html");
@@ -75,7 +77,8 @@ void add_live(ExportRequest& request, const nb::object& vessels, const nb::objec
     for (const nb::handle device : devices)
       names.push_back(instrument_name(device, fmt::format("devices[{}]", names.size())));
   make_steered(request, run_of(tree_in(vessels), live, entry, nb::none(), nb::none(), "live"),
-               instruments_named(names));
+               instruments_named(names),
+               fluoroscope.is_none() ? FluoroscopeRequest{} : fluoroscope_of(fluoroscope)->request);
   std::vector<Exercise> tasks;
   if (!exercises.is_none())
     for (const nb::handle file : exercises)
@@ -100,7 +103,7 @@ void export_session(const HeldBody& body, nb::handle path, const nb::object& ves
                     const nb::object& session, const PathArgument& motion, const PhaseArgument& phase,
                     const PhaseArgument& gate, double motion_speed, const KeysArgument& keys,
                     const nb::object& live, const nb::object& devices, const nb::object& entry,
-                    const nb::object& exercise, const nb::object& progress) {
+                    const nb::object& exercise, const nb::object& fluoroscope, const nb::object& progress) {
   const std::string file = path_of(path);
   const ExportFormat format = export_format(file);
   check_writable(file);
@@ -117,7 +120,7 @@ void export_session(const HeldBody& body, nb::handle path, const nb::object& ves
     check_recordable(*run->request.script);
     request.run = run->recorded;
   }
-  add_live(request, vessels, live, devices, entry, exercise);
+  add_live(request, vessels, live, devices, entry, exercise, fluoroscope);
   warn(check(request));
   run_job(progress, [&](Progress& reported) {
     reported.begin("exporting", 1, "files");
@@ -144,6 +147,7 @@ void add_export(nb::module_& module) {
       "devices: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
       "entry: int | str | numpy.typing.ArrayLike | None = None, "
       "exercise: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
+      "fluoroscope: Fluoroscope | None = None, "
       "progress: xraycast._progress.Listener | None = None) "
       "-> None",
       usual.title, kUsualContrast_mg_ml);
@@ -154,7 +158,8 @@ void add_export(nb::module_& module) {
       nb::arg("session") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
       nb::arg("gate") = nb::none(), nb::arg("motion_speed") = 1.0, nb::arg("keys") = nb::none(),
       nb::arg("live") = nb::none(), nb::arg("devices") = nb::none(), nb::arg("entry") = nb::none(),
-      nb::arg("exercise") = nb::none(), nb::arg("progress") = nb::none(), nb::sig(signature.c_str()),
+      nb::arg("exercise") = nb::none(), nb::arg("fluoroscope") = nb::none(), nb::arg("progress") = nb::none(),
+      nb::sig(signature.c_str()),
       "Writes a BodyMap, with vessels and a run, as one web page that any browser opens (.html), or without "
       "the map as a glTF scene (.glb).\n\n"
       "vessels: Vessels, a Mesh, a VesselTree, or a file or folder of these.  run: what simulate() gave.\n"
@@ -172,7 +177,8 @@ void add_export(nb::module_& module) {
       "which it was simulated.\n"
       "live: instruments, the outermost first, of a page that steers: it simulates them by itself, in the "
       "vessels' tree.  devices: others that may be taken instead.  entry: as Catheter's.  "
-      "exercise: a list of files of tasks, to choose in the page (docs/exercises.md).");
+      "exercise: a list of files of tasks, to choose in the page (docs/exercises.md).  "
+      "fluoroscope: the page's own, of whose C-arm, dose, pulse rate, compression and seed it takes heed.");
 }
 
 }  // namespace xraycast::python

@@ -9,48 +9,75 @@
 namespace xraycast::cli {
 namespace {
 
-constexpr const char* kFluoroscopeGroup = "Fluoroscope";
+template <typename Value>
+CLI::Option* add(CLI::App& command, const char* name, Value& value, const std::string& help,
+                 const char* type) {
+  return command.add_option(name, value, help)->type_name(type)->group("Fluoroscope");
+}
+
+void add_c_arm_option(CLI::App& command, FluoroscopeRequest& request, const char* sets) {
+  add(command, "--c-arm", request.c_arm,
+      fmt::format("C-arm with its distances, detector, tube and table: {}, or a file; sets {}",
+                  fmt::join(CArm::preset_names(), ", "), sets),
+      "NAME|FILE.json");
+}
+
+void add_dose_option(CLI::App& command, FluoroscopeRequest& request, const std::string& effect) {
+  add(command, "--dose", request.dose,
+      "Detector dose per pulse: low or normal (default) for fluoroscopy, cine for a recorded run" + effect,
+      "NAME")
+      ->check(CLI::IsMember({"low", "normal", "cine"}));
+}
+
+void add_rate_option(CLI::App& command, FluoroscopeRequest& request) {
+  add(command, "--pulse-rate", request.pulse_rate, "Pulses per second, 3 to 30 (default 15)", "HZ");
+}
+
+void add_compression_option(CLI::App& command, FluoroscopeRequest& request) {
+  add(command, "--compression", request.compression,
+      "How much of what is large and strong in the picture the display takes back, 0 to 1, so that lung and "
+      "spine are seen at once; 0.6 suits most. Default: the C-arm's, 0 in these presets: a grey window of "
+      "fixed width",
+      "SHARE");
+}
+
+void add_seed_option(CLI::App& command, FluoroscopeRequest& request) {
+  add(command, "--seed", request.seed, "Seed of the noise (default 1): the same seed gives the same file",
+      "N");
+}
 
 }  // namespace
 
 void add_fluoroscope_options(CLI::App& command, FluoroscopeArguments& options) {
   FluoroscopeRequest& request = options.request;
-  const auto add = [&command](const char* name, auto& value, const std::string& help, const char* type) {
-    return command.add_option(name, value, help)->type_name(type)->group(kFluoroscopeGroup);
-  };
-  add("--c-arm", request.c_arm,
-      fmt::format(
-          "C-arm with its distances, detector, tube and table: {}, or a file; sets --cone, --size and "
-          "--pixel unless they are given",
-          fmt::join(CArm::preset_names(), ", ")),
-      "NAME|FILE.json");
-  add("--field", request.field_mm,
+  add_c_arm_option(command, request, "--cone, --size and --pixel unless they are given");
+  add(command, "--field", request.field_mm,
       "Field of view (magnification mode): its side on the detector; default: the largest", "MM");
-  add("--collimate", options.collimate,
+  add(command, "--collimate", options.collimate,
       "Collimator opening, width and height at the detector, and its rotation", "MM,MM[,DEG]");
-  add("--dose", request.dose,
-      "Detector dose per pulse: low or normal (default) for fluoroscopy, cine for a recorded run; any option "
-      "of "
-      "this group adds the noise, blur and dose of a fluoroscope",
-      "NAME")
-      ->check(CLI::IsMember({"low", "normal", "cine"}));
-  add("--kvp", request.kvp, "Tube voltage; the automatic exposure control then sets only the mAs", "KVP");
-  add("--mas", request.mas, "mAs per pulse; the automatic exposure control then sets only the voltage",
-      "MAS");
-  add("--photons", request.photons,
+  add_dose_option(command, request,
+                  "; any option of this group adds the noise, blur and dose of a fluoroscope");
+  add(command, "--kvp", request.kvp, "Tube voltage; the automatic exposure control then sets only the mAs",
+      "KVP");
+  add(command, "--mas", request.mas,
+      "mAs per pulse; the automatic exposure control then sets only the voltage", "MAS");
+  add(command, "--photons", request.photons,
       "Photons detected per pixel of the unattenuated field, instead of an exposure", "N");
-  add("--pulse-rate", request.pulse_rate, "Pulses per second, 3 to 30 (default 15)", "HZ");
-  add("--compression", request.compression,
-      "How much of what is large and strong in the picture the display takes back, 0 to 1, so that lung and "
-      "spine are seen at once; 0.6 suits most. Default: the C-arm's, 0 in these presets: a grey window of "
-      "fixed "
-      "width",
-      "SHARE");
-  add("--stages", request.stages,
+  add_rate_option(command, request);
+  add_compression_option(command, request);
+  add(command, "--stages", request.stages,
       "Stages to simulate: a list of quanta, blur, lag, electronics, scatter and display, or none (default: "
       "all)",
       "LIST");
-  add("--seed", request.seed, "Seed of the noise (default 1): the same seed gives the same file", "N");
+  add_seed_option(command, request);
+}
+
+void add_page_fluoroscope_options(CLI::App& command, FluoroscopeRequest& request) {
+  add_c_arm_option(command, request, "the page's cone and, at first, its field, unless a session does");
+  add_dose_option(command, request, ", at first");
+  add_rate_option(command, request);
+  add_compression_option(command, request);
+  add_seed_option(command, request);
 }
 
 std::optional<FluoroscopyOptions> parse_fluoroscope(const FluoroscopeArguments& options) {

@@ -19,6 +19,9 @@ struct FluoroscopeArguments {
 
 void add_fluoroscope_options(CLI::App& command, FluoroscopeArguments& options);
 
+/// What a page's fluoroscope takes of them: --c-arm, --dose, --pulse-rate, --compression and --seed.
+void add_page_fluoroscope_options(CLI::App& command, FluoroscopeRequest& request);
+
 /// Nothing when none of the options was given: then pictures stay without noise. Otherwise what they ask for.
 /// Throws InputError.
 std::optional<FluoroscopyOptions> parse_fluoroscope(const FluoroscopeArguments& options);

@@ -143,6 +143,25 @@ TEST_F(Export, SteersByItself) {
   EXPECT_THAT(other, HasSubstr("id=\"simulation\"></script>"));
 }
 
+TEST_F(Export, SteersUnderTheCArmThatIsAskedFor) {
+  write_map(small_map());
+  write_vessels();
+  const std::string line = "@/map.exr --vessels @/vessels --live --device-model microcatheter-27f ";
+  const Json usual = header_of(written(line + "-o @/usual.html", "usual.html")),
+             mobile = header_of(written(line + "--c-arm mobile-flat-panel --dose low --pulse-rate 7.5 "
+                                               "--compression 0.6 -o @/mobile.html",
+                                        "mobile.html"));
+  EXPECT_EQ(usual["trainer"]["dose"], 1);
+  EXPECT_EQ(usual["trainer"]["compression"], 0);
+  EXPECT_EQ(usual["trainer"]["pulses_per_s"], 15);
+  EXPECT_TRUE(usual["cone"].is_null());
+  EXPECT_EQ(mobile["trainer"]["dose"], 0);
+  EXPECT_EQ(mobile["trainer"]["compression"], 0.6);
+  EXPECT_EQ(mobile["trainer"]["pulses_per_s"], 7.5);
+  EXPECT_GT(mobile["cone"]["source_detector_mm"], mobile["cone"]["source_axis_mm"]);  // the C-arm's
+  EXPECT_GT(mobile["pose"]["zoom"], usual["pose"]["zoom"]);
+}
+
 TEST_F(Export, TellsNoFoldersOfInstruments) {
   write_map(small_map());
   write_vessels();
@@ -363,6 +382,11 @@ const BadExport kBadExports[] = {
     {"LiveScene", "@/map.exr --vessels @/vessels --live -o @/page.glb", "--live does not apply to"},
     {"DevicesWithoutLive", "@/map.exr --vessels @/vessels --devices pigtail-5f -o @/page.html",
      "--devices does not apply without --live; leave it out or give --live too"},
+    {"DoseWithoutLive", "@/map.exr --dose low -o @/page.html",
+     "--dose does not apply without --live; leave it out or give --live too"},
+    {"CompressionOfAScene", "@/map.exr --compression 0.5 -o @/page.glb", "--compression does not apply to"},
+    {"TooMuchCompression", "@/map.exr --vessels @/vessels --live --compression 2 -o @/page.html",
+     "compression"},
     {"UnknownDevices",
      "@/map.exr --vessels @/vessels --live --device-model microcatheter-27f --devices cobra-9f -o "
      "@/page.html",

@@ -91,8 +91,16 @@ def test_exports_a_page_that_steers(tree, small_map, tmp_path):
     header = header_of(page)
     assert [choice["name"] for choice in header["trainer"]["choices"]] == ["microcatheter-27f", "microcatheter-24f"]
     assert header["trainer"]["used"] == [0] and header["live"]["has_hub"]
+    fluoroscope = xc.Fluoroscope(c_arm="mobile-flat-panel", dose="low", pulse_rate=7.5, compression=0.6)
+    xc.export(small_map, page, vessels=tree, live=["microcatheter-27f"], fluoroscope=fluoroscope)
+    header = header_of(page)
+    assert [header["trainer"][name] for name in ("dose", "pulses_per_s", "compression")] == [0, 7.5, 0.6]
+    assert header["cone"] is not None
+    held = xc.Fluoroscope(kvp=80)
     for wrong, words in [({"live": ["microcatheter-27f"]}, "live: steers in a tree"),
-                         ({"devices": ["microcatheter-27f"]}, "devices, entry, exercise: without live"),
+                         ({"fluoroscope": fluoroscope}, "exercise, fluoroscope: without live"),
+                         ({"vessels": tree, "live": ["microcatheter-27f"], "fluoroscope": held}, "leave out the others"),
+                         ({"devices": ["microcatheter-27f"]}, "devices, entry, exercise, fluoroscope: without live"),
                          ({"vessels": tree, "live": "microcatheter-27f"}, "live: must be a list")]:
         with pytest.raises(xc.InputError, match=words):
             xc.export(small_map, page, **wrong)
@@ -146,7 +154,7 @@ def test_exports_exercises(tree, small_map, task, tmp_path):
     xc.export(small_map, page, vessels=tree, live=["microcatheter-27f"], exercise=[task])
     exercise, = header_of(page)["trainer"]["exercises"]
     assert exercise["title"] == "Up" and exercise["used"] == [0] and exercise["targets"][1]["at_mm"] == [0, 0, 80]
-    with pytest.raises(xc.InputError, match="exercise: without live"):
+    with pytest.raises(xc.InputError, match="without live"):
         xc.export(small_map, page, vessels=tree, exercise=[task])
 
 

@@ -32,8 +32,8 @@ before(() => {
 after(remove_folder);
 
 /** A pulse of a square picture, or of another size. */
-const pulse = (rays, { side = [kSide, kSide], pixel_mm = kPixel_mm, count = 1, pause_s = null, dose = 1, blades_mm = null, subtracts = false } = {}) => ({
-  rays, settings: { dose, blades_mm, subtracts },
+const pulse = (rays, { side = [kSide, kSide], pixel_mm = kPixel_mm, count = 1, pause_s = null, dose = 1, blades_mm = null, subtracts = false, compression = 0 } = {}) => ({
+  rays, settings: { dose, blades_mm, subtracts, compression },
   pulse: { view: { lao_rad: 0, cranial_rad: 0, cone: { source_axis_mm: 785, source_detector_mm: 1200 }, centre_mm: [0, 0, 0], width: side[0], height: side[1], pixel_mm }, count, pause_s },
 });
 const flat = (tau, [width, height] = [kSide, kSide]) => new Float32Array(width * height).fill(tau);
@@ -53,7 +53,7 @@ async function page_pictures(pulses) {
 /** The same of the program. */
 function program_pictures(pulses) {
   const bytes = pulses.flatMap(({ rays, settings, pulse: { view: v, count, pause_s } }) => {
-    const numbers = Float64Array.of(v.lao_rad, v.cranial_rad, ...v.centre_mm, v.width, v.height, v.pixel_mm, v.cone.source_axis_mm, v.cone.source_detector_mm, count, pause_s ?? -1, settings.dose, ...(settings.blades_mm ?? [0, 0]).map((mm) => mm * kMagnification), Number(settings.subtracts));
+    const numbers = Float64Array.of(v.lao_rad, v.cranial_rad, ...v.centre_mm, v.width, v.height, v.pixel_mm, v.cone.source_axis_mm, v.cone.source_detector_mm, count, pause_s ?? -1, settings.dose, ...(settings.blades_mm ?? [0, 0]).map((mm) => mm * kMagnification), Number(settings.subtracts), settings.compression);
     return [new Uint8Array(numbers.buffer), new Uint8Array(rays.buffer)];
   });
   writeFileSync(file("pulses"), Buffer.concat(bytes));
@@ -191,6 +191,13 @@ test("blades and subtraction are the program's", async () => {
   const last = angio.page.at(-1).greys, row = (i) => mean(Array.from({ length: 100 }, (_, j) => last[kSide * (j + 80) + i]));
   assert.ok(row(125) < row(60) - 50, `${row(125)} and ${row(60)}`); // contrast agent is dark
   assert.ok(differences(last, angio.program.at(-1).greys).share < 0.02);
+});
+
+test("a compressed display is the program's", async () => {
+  const rays = Float32Array.from(flat(kTauOf20cm), (tau, i) => tau + 2 * Math.sin((i % kSide) / 40) + (i % kSide > 120 && i % kSide < 130 ? 0.1 : 0));
+  const { page, program } = await both([0, 0.6, 0.6].map((compression) => pulse(rays, { dose: 2, compression })));
+  assert.ok(differences(page[2].greys, program[2].greys).share < 0.02);
+  assert.ok(differences(page[2].greys, page[0].greys).share > 0.5);
 });
 
 test("pulses that were not drawn are counted", async () => {

@@ -1,8 +1,8 @@
 // PULSES TRACE: the program's fluoroscope, for comparison with a page's (fluoroscope_page_test.mjs). Takes
-// pulses, one behind the other: 16 doubles, of which the first 12 are what web/native/fluoroscope.cpp takes
-// and then dose level, blades' width (0: open) and height in mm, and whether it subtracts; and optical depths
-// as floats, row 0 on top. Writes of each pulse voltage, mAs, rate of air kerma, air kerma and dose-area
-// product as doubles, its codes, and its greys.
+// pulses, one behind the other: 17 doubles, of which the first 12 are what web/native/fluoroscope.cpp takes
+// and then dose level, blades' width (0: open) and height in mm, whether it subtracts, and the compression of
+// the display's range; and optical depths as floats, row 0 on top. Writes of each pulse voltage, mAs, rate of
+// air kerma, air kerma and dose-area product as doubles, its codes, and its greys.
 #include "xraycast/acquisition/console.hpp"
 #include "xraycast/fluoroscope/fluoroscope_request.hpp"
 
@@ -13,7 +13,7 @@
 
 namespace {
 
-using Numbers = std::array<double, 16>;
+using Numbers = std::array<double, 17>;
 
 template <typename Values>
 void write(std::ofstream& file, const Values& values) {
@@ -46,6 +46,11 @@ void set(xraycast::FluoroscopyConsole& console, const Numbers& n) {
   if (width_mm != n[13] || (n[13] > 0 && height_mm != n[14])) {
     options.collimation.reset();
     if (n[13] > 0) options.collimation = xraycast::Collimation{n[13], n[14]};
+    console.set(std::move(options));
+  }
+  if (console.options().range_compression() != n[16]) {
+    options = console.options();
+    options.compression = n[16];
     console.set(std::move(options));
   }
   console.subtract(n[15] != 0);

@@ -24,6 +24,7 @@ before(async () => {
     targets: [{ name: "in the iliac artery", vessel: "left common iliac artery", depth_mm: 20 }, { name: "higher up", vessel: "aorta", depth_mm: 20 }], limits: { time_s: 600, fluoroscopy_s: 600 },
   }));
   run(...live, "--exercise", file("task.json"), "--exercise", new URL("../../examples/exercises/1-left-renal.json", import.meta.url).pathname, "-o", file("tasks.html"));
+  run(...live, "--c-arm", "mobile-flat-panel", "--dose", "low", "--pulse-rate", 7.5, "--compression", 0.6, "-o", file("mobile.html"));
   run("phantom", "thorax", "--size", "64x64x80", "-o", file("rest.nrrd"), "--truth", file("rest"), "--motion", file("motion"));
   run("cast", file("rest.nrrd"), "-o", file("moving.exr"), "--layers", 4, "--angles", 90, "--motion", file("motion/motion.json"), "--keys", "breath=2", "--keys", "heart=6");
   run("export", file("moving.exr"), "--vessels", file("rest"), "--live", "-o", file("moving.html"));
@@ -278,6 +279,27 @@ browser_test("the pedal shows what the detector sees, and counts its dose", asyn
   const report = JSON.parse(await page.evaluate(() => globalThis.saved[0].text()));
   assert.ok(Math.abs(report.air_kerma_mGy / numbers_of(await readout(), /air kerma ([\d.]+)/) - 1) < 0.01, `${report.air_kerma_mGy}`); // three digits
   assert.ok(report.dap_Gycm2 > 0);
+  await close(opened);
+});
+
+browser_test("a page has the C-arm, dose, pulse rate and compression that it was given", async (t) => {
+  const opened = await steer("mobile.html", { width: 900, height: 760 }), { page } = opened;
+  assert.deepEqual(await page.$$eval("#dose, #compression", (controls) => controls.map(({ value }) => value)), ["0", "0.6"]);
+  await page.keyboard.down("x");
+  await wait_for_pulses(page, 20);
+  const from_s = await page.evaluate(() => Number(document.documentElement.dataset.exposures)), from_ms = Date.now();
+  await wait(4000);
+  const rate = 1e3 * ((await page.evaluate(() => Number(document.documentElement.dataset.exposures))) - from_s) / (Date.now() - from_ms);
+  t.diagnostic(`${rate.toFixed(1)} exposures/s`);
+  assert.ok(Math.abs(rate - 7.5) < 1, `${rate}`);
+  await screenshot(page, "fluoroscope-mobile.png");
+  const compressed = await drawn(page);
+  await page.$eval("#compression", (slider) => { slider.value = "0"; slider.dispatchEvent(new Event("input")); });
+  await wait_for_pulses(page, 20); // the display's recursive filter
+  const plain = await drawn(page);
+  await screenshot(page, "fluoroscope-mobile-plain.png");
+  assert.ok(changed(compressed, plain) > 0.1 * plain.width * plain.height, `${changed(compressed, plain)}`);
+  await page.keyboard.up("x");
   await close(opened);
 });
 

@@ -190,5 +190,31 @@ TEST(DisplayChain, ABodysRangeIsShown) {
   EXPECT_GT(without, 0.05);  // otherwise these bodies prove nothing
 }
 
+TEST(DisplayChain, BehindTheBladesItIsBlack) {
+  constexpr int kSide = 480;
+  FluoroscopyOptions options;
+  options.c_arm = CArm::named("mobile-flat-panel");
+  options.dose = DoseLevel::low;
+  options.compression = 0.6;
+  const double middle_mm = 0.5 * 0.616 * kSide;
+  options.collimation = Collimation{middle_mm, middle_mm};
+  const View view{.cone = options.c_arm.distances, .width = kSide, .height = kSide, .pixel_mm = 0.616};
+  for (std::uint32_t seed = 0; seed < 6; ++seed) {
+    options.seed = seed;
+    Fluoroscope fluoroscope(options, view, WaterPath(Opacity("water", {{-1000, 0}, {0, 0.02}})));
+    fluoroscope.settle(body(seed, kSide));
+    const auto shown = fluoroscope.expose(body(seed, kSide)).shown;
+    int most = 0, inside = 0;
+    for (int j = 0; j < kSide; ++j)
+      for (int i = 0; i < kSide; ++i) {
+        const int grey = shown[static_cast<std::size_t>(kSide * j + i)];
+        const bool is_outside = std::max(std::abs(i - kSide / 2), std::abs(j - kSide / 2)) > kSide / 4 + 8;
+        (is_outside ? most : inside) = std::max(is_outside ? most : inside, grey);
+      }
+    EXPECT_LT(most, 8);  // noise included
+    EXPECT_GT(inside, 150);
+  }
+}
+
 }  // namespace
 }  // namespace xraycast::display_test

@@ -98,6 +98,15 @@ EMSCRIPTEN_KEEPALIVE const char* fluoroscope_blades(double width_mm, double heig
   });
 }
 
+/// Of the display's range, 0 to 1.
+EMSCRIPTEN_KEEPALIVE const char* fluoroscope_compression(double share) {
+  return failure_of([&] {
+    xraycast::FluoroscopyOptions options = console->options();
+    options.compression = share;
+    console->set(std::move(options));
+  });
+}
+
 EMSCRIPTEN_KEEPALIVE void fluoroscope_subtract(bool subtracts) { console->subtract(subtracts); }
 EMSCRIPTEN_KEEPALIVE void fluoroscope_new_mask() { console->take_new_mask(); }
 

@@ -100,6 +100,8 @@ export interface ExerciseHeader extends Choices {
 interface TrainerHeader extends Choices {
   tree_numbers: number; // with which the setup begins, also that of each exercise
   pulses_per_s: number; // of the fluoroscope
+  dose: number; // its level at first, of kDoses
+  compression: number; // of its display at first
   exercises: ExerciseHeader[];
 }
 

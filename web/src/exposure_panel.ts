@@ -1,5 +1,5 @@
 // The fluoroscope's controls on the page, and what it has given.
-import { ConsoleSettings, Exposed, kDoses } from "./fluoroscope";
+import { ConsoleSettings, Exposed, kDoses, kOpen } from "./fluoroscope";
 import { fixed } from "./fixed";
 import { clamp } from "./vectors";
 
@@ -19,17 +19,21 @@ export interface ExposureActions {
 }
 
 export class ExposurePanel {
-  settings: ConsoleSettings = { dose: 1, blades_mm: null, subtracts: false };
+  settings: ConsoleSettings;
   private exposed: Exposed | null = null;
   private readonly sliders = (["blades-width", "blades-height"] as const).map((id) => element<HTMLInputElement>(id));
+  private readonly compression = element<HTMLInputElement>("compression");
 
-  constructor(private readonly actions: ExposureActions) {
+  /** With what is set at first. */
+  constructor(private readonly actions: ExposureActions, settings: Pick<ConsoleSettings, "dose" | "compression">) {
+    this.settings = { ...kOpen, ...settings };
     for (const id of ["exposure-buttons", "dose-readout"]) element(id).hidden = false;
     const dose = element<HTMLSelectElement>("dose");
     dose.append(...kDoses.map((name, level) => new Option(name, String(level))));
     dose.addEventListener("change", () => this.set({ dose: Number(dose.value) }));
     element("subtract").addEventListener("click", () => this.set({ subtracts: !this.settings.subtracts }));
     element("new-mask").addEventListener("click", () => actions.take_new_mask());
+    this.compression.addEventListener("input", () => this.set({ compression: Number(this.compression.value) }));
     for (const slider of this.sliders) slider.addEventListener("input", () => this.set_blades(this.sliders.map(({ value }) => Number(value))));
     this.show_settings();
   }
@@ -51,8 +55,9 @@ export class ExposurePanel {
 
   /** After the picture shows another field. */
   show_settings(): void {
-    const { dose, subtracts, blades_mm } = this.settings, field_mm = this.actions.field_mm();
+    const { dose, subtracts, blades_mm, compression } = this.settings, field_mm = this.actions.field_mm();
     element<HTMLSelectElement>("dose").value = String(dose);
+    this.compression.value = String(compression);
     element("subtract").setAttribute("aria-pressed", String(subtracts));
     element("new-mask").hidden = !subtracts;
     this.sliders.forEach((slider, axis) => {

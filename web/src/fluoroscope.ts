@@ -10,6 +10,7 @@ interface Exports {
   fluoroscope_rays(pixels: number): number;
   fluoroscope_dose(level: number): void;
   fluoroscope_blades(width_mm: number, height_mm: number): number;
+  fluoroscope_compression(share: number): number;
   fluoroscope_subtract(subtracts: boolean): void;
   fluoroscope_new_mask(): void;
   fluoroscope_expose(): number;
@@ -24,6 +25,7 @@ export interface ConsoleSettings {
   dose: number; // of kDoses
   blades_mm: readonly [number, number] | null; // width and height at the isocentre; none: they are open
   subtracts: boolean;
+  compression: number; // of the display's range, 0 to 1
 }
 
 export interface Pulse {
@@ -45,10 +47,11 @@ export interface Exposed {
   has_angiogram: boolean;
 }
 
-const kUnset: ConsoleSettings = { dose: 1, blades_mm: null, subtracts: false };
+/** The usual settings. */
+export const kOpen: ConsoleSettings = { dose: kDoses.indexOf("normal"), blades_mm: null, subtracts: false, compression: 0 };
 
 export class Fluoroscope {
-  private settings = kUnset;
+  private settings: ConsoleSettings | null = null;
 
   private constructor(private readonly calls: Exports) {}
 
@@ -64,10 +67,11 @@ export class Fluoroscope {
   set(settings: ConsoleSettings): void {
     const { calls, settings: before } = this;
     this.settings = settings;
-    if (settings.dose !== before.dose) calls.fluoroscope_dose(settings.dose);
-    if (settings.subtracts !== before.subtracts) calls.fluoroscope_subtract(settings.subtracts);
+    if (settings.dose !== before?.dose) calls.fluoroscope_dose(settings.dose);
+    if (settings.subtracts !== (before?.subtracts ?? false)) calls.fluoroscope_subtract(settings.subtracts);
+    if (settings.compression !== before?.compression) this.check(calls.fluoroscope_compression(settings.compression));
     const [width_mm, height_mm] = settings.blades_mm ?? [0, 0];
-    if (settings.blades_mm?.join() !== before.blades_mm?.join()) this.check(calls.fluoroscope_blades(width_mm, height_mm));
+    if (settings.blades_mm?.join() !== before?.blades_mm?.join()) this.check(calls.fluoroscope_blades(width_mm, height_mm));
   }
 
   take_new_mask(): void {

@@ -1,5 +1,5 @@
 // The fluoroscope of a page without a server: pulses of the picture's rays go to its worker, of which the picture comes back.
-import type { ConsoleSettings, Exposed, Pulse } from "./fluoroscope";
+import { Exposed, kOpen, Pulse } from "./fluoroscope";
 import type { FluoroscopeStart, FromFluoroscope, PulseOrder } from "./fluoroscope_worker";
 import type { ComingReds } from "./gl";
 import type { View } from "./view";
@@ -30,7 +30,7 @@ export class Fluoroscopy {
   private pause_s: number | null = null;
   private takes_new_mask = false;
   image: DetectorImage | null = null;
-  settings: ConsoleSettings = { dose: 1, blades_mm: null, subtracts: false };
+  settings = kOpen;
 
   constructor(code: WebAssembly.Module, setup: Float64Array, private readonly listener: FluoroscopyListener) {
     this.worker = new Worker(URL.createObjectURL(new Blob([kFluoroscopeWorker], { type: "text/javascript" })));

@@ -119,7 +119,7 @@ export class LiveView {
       this.picture.target = target;
       this.redraw();
     });
-    const exposure = (this.exposure = this.add_exposure());
+    const exposure = (this.exposure = this.add_exposure(trainer));
     const link = new TrainerLink(trainer, worker, {
       compiled: (code, setup) => this.begin_fluoroscopy(code, setup, exposure, link),
       moved: (steps) => this.recording.add_steps(steps),
@@ -145,7 +145,7 @@ export class LiveView {
   }
 
   /** The page's own fluoroscope has controls from the start, and makes pictures once its code is there. */
-  private add_exposure(): ExposurePanel {
+  private add_exposure({ dose, compression }: Trainer): ExposurePanel {
     const panel = new ExposurePanel({
       set: (settings) => {
         if (this.picture.fluoroscopy) this.picture.fluoroscopy.settings = settings;
@@ -153,7 +153,7 @@ export class LiveView {
       },
       take_new_mask: () => this.picture.fluoroscopy?.take_new_mask(),
       field_mm: () => this.picture.field_mm(this.store.state),
-    });
+    }, { dose, compression });
     this.store.on_change((state, before) => state.pose !== before.pose && panel.show_settings());
     addEventListener("keydown", (event) => this.press(event, panel), { capture: true });
     return panel;

@@ -39,11 +39,12 @@ class PaperScan {
   void copy(std::int64_t x, std::int64_t y, std::int64_t z, std::span<std::int16_t> row) const {
     const Index3& size = scan_.geometry().size;
     const auto first = static_cast<std::size_t>((z * size.y + y) * size.x + x);
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      const std::int16_t hu = std::max(scan_.hu()[first + i], kPaddingHu);
-      row[i] = mask_.empty() || mask_[first + i] != 0 ? table_[static_cast<std::size_t>(hu - kPaddingHu)]
-                                                      : kPaddingHu;
-    }
+    const std::int16_t* hu = scan_.hu().data() + first;
+    for (std::size_t i = 0; i < row.size(); ++i)
+      row[i] = table_[static_cast<std::size_t>(std::max(hu[i], kPaddingHu) - kPaddingHu)];
+    if (mask_.empty()) return;
+    for (std::size_t i = 0; i < row.size(); ++i)
+      if (mask_[first + i] == 0) row[i] = kPaddingHu;
   }
 
  private:
@@ -120,9 +121,13 @@ Volume averaged(const Volume& fine, const Index3& block) {
         std::span(&volume.at(0, 0, slice), static_cast<std::size_t>(volume.geometry().slice_voxels())),
         kPaddingHu);
     if (z < 0 || z == size.z) return;
-    std::vector<std::int64_t> sums(static_cast<std::size_t>(size.x));
+    std::vector<std::int64_t> sums(static_cast<std::size_t>(size.x));  // above air
     for (std::int64_t y = 0; y < size.y; ++y) {
-      std::ranges::fill(sums, kPaddingHu * voxels);
+      if (voxels == 1) {
+        std::copy_n(fine.hu().data() + (z * size.y + y) * size.x, size.x, &volume.at(1, y + 1, slice));
+        continue;
+      }
+      std::ranges::fill(sums, 0);
       for (std::int64_t k = z * block.z; k < std::min((z + 1) * block.z, from.size.z); ++k)
         for (std::int64_t j = y * block.y; j < std::min((y + 1) * block.y, from.size.y); ++j) {
           const std::int16_t* row = fine.hu().data() + (k * from.size.y + j) * from.size.x;
@@ -134,8 +139,8 @@ Volume averaged(const Volume& fine, const Index3& block) {
           }
         }
       for (std::int64_t x = 0; x < size.x; ++x)
-        volume.at(x + 1, y + 1, slice) = static_cast<std::int16_t>(std::lround(
-            static_cast<double>(sums[static_cast<std::size_t>(x)]) / static_cast<double>(voxels)));
+        volume.at(x + 1, y + 1, slice) = static_cast<std::int16_t>(
+            kPaddingHu + (2 * sums[static_cast<std::size_t>(x)] + voxels) / (2 * voxels));
     }
   });
   return volume;

@@ -26,6 +26,13 @@ float sharpened_end(const std::array<const float*, 3>& rows, int column, int wid
   return sharpened;
 }
 
+/// Blanks what the blades shut off: compressed, the little light behind them and its noise would be bright.
+void blank_row(const float* field, int width, float* picture) {
+  constexpr float kOpen = 0.98f, kLeast = 1e-4f;
+  for (int i = 0; i < width; ++i)
+    if (field[i] < kOpen) picture[i] += std::log(std::max(field[i], kLeast));
+}
+
 }  // namespace
 
 DisplayChain::DisplayChain(const PictureSize& size, double pixel_mm, double compression)
@@ -82,6 +89,7 @@ void DisplayChain::Compression::compress(const PixelPlane& logarithm, const Pixe
     for (int j = first; j < end; ++j) {
       const std::size_t at = size.row(j);
       range.compress_row(j, logarithm.data() + at, strength, middle, picture.data() + at);
+      blank_row(field.data() + at, size.width, picture.data() + at);
       window.count_row(j, logarithm.data() + at, picture.data() + at, field.data() + at);
     }
   });

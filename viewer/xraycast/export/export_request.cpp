@@ -14,6 +14,7 @@
 #include "xraycast/scene/vessels.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace xraycast {
 namespace {
@@ -130,6 +131,27 @@ Exercise with_shown_names(Exercise exercise) {
   return exercise;
 }
 
+/// A page controls its exposure by itself, has blades of its own, and all stages.
+void check_suits_page(const FluoroscopeRequest& asked) {
+  if (asked.field_mm || !asked.collimate.empty() || asked.kvp || asked.mas || asked.photons ||
+      !asked.stages.empty())
+    throw InputError(
+        "a page's fluoroscope takes C-arm, dose, pulse rate, compression and seed; leave out the others");
+}
+
+/// The whole zoom field, with an entry at its edge, from where instruments go towards the body's middle.
+void show_field(CArmPose& pose, const FluoroscopyOptions& options, double entry_height_mm,
+                const BodyBounds& bounds) {
+  constexpr int kPixels = 1000;
+  constexpr double kAhead = 0.35;
+  const Cone& cone = options.c_arm.distances;
+  pose.zoom = 1;
+  pose.magnify(kPixels * view_of(pose, bounds, kPixels, kPixels).pixel_mm / options.field_mm);
+  const double height_mm = entry_height_mm - bounds.centre_mm.z,
+               seen_mm = options.field_mm * cone.source_axis_mm / cone.source_detector_mm;
+  pose.travel(height_mm - std::copysign(kAhead * seen_mm, height_mm) - pose.table_mm, bounds);
+}
+
 }  // namespace
 
 ExportFormat export_format(const std::string& file) {
@@ -196,8 +218,18 @@ ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const
   return request;
 }
 
-void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others) {
+void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others,
+                  const FluoroscopeRequest& fluoroscope) {
+  check_suits_page(fluoroscope);
+  request.fluoroscope = options_of(fluoroscope);
+  if (request.pose.cone)
+    request.fluoroscope.c_arm.distances = *request.pose.cone;
+  else if (!fluoroscope.c_arm.empty())
+    request.pose.cone = request.fluoroscope.c_arm.distances;
   TrainerSetup setup{.tree = run.tree, .choices = run.instruments, .used = {}, .entry = entry_of(run)};
+  if (!fluoroscope.c_arm.empty() && !request.is_of_session)
+    show_field(request.pose, request.fluoroscope, setup.entry.position_mm.z(),
+               bounds_of(request.map->geometry));
   if (request.map->keys && request.body.motion && has_page_modes(*request.map->keys) &&
       has_page_size(*request.map->keys))
     setup.motion = PageMotion::about(*run.tree, *request.body.motion);

@@ -2,6 +2,7 @@
 
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/export/recorded_run.hpp"
+#include "xraycast/fluoroscope/fluoroscope_request.hpp"
 #include "xraycast/motion/body_request.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
@@ -55,6 +56,7 @@ struct ExportRequest {
   std::optional<LiveRun> live{};
   std::optional<TrainerSetup> trainer{};     ///< with `live`: the page simulates its run itself
   std::vector<SteeredExercise> exercises{};  ///< with `trainer`: one of which is chosen in the page
+  FluoroscopyOptions fluoroscope{};          ///< with `trainer`: the page's own
   CArmPose pose{};
   Style style{};
   bool has_window =
@@ -99,8 +101,13 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
                            std::shared_ptr<const BodyMap> map, const RunRequest& run, bool has_hub);
 
 /// Makes the page of a request steer the run's instruments by itself, from its first exposure on, with the
-/// run's and these others to choose from. The request has vessels. Throws InputError for what does not fit.
-void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others);
+/// run's and these others to choose from. The request has vessels. The page's fluoroscope has the C-arm, dose
+/// level, pulse rate, compression and seed that are asked for, and controls its exposure by itself. Under a
+/// C-arm that is named the page opens at its distances and, unless the pose is a session's, with its largest
+/// field over the entry. Throws InputError for what does not fit, and for what else is asked of the
+/// fluoroscope.
+void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others,
+                  const FluoroscopeRequest& fluoroscope = {});
 
 /// Exercises in the tree of a page that steers. Throws InputError where instruments do not fit.
 void add_exercises(ExportRequest& request, const std::vector<Exercise>& exercises);

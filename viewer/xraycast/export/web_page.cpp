@@ -7,7 +7,6 @@
 #include "xraycast/export/packed_lattice.hpp"
 #include "xraycast/export/packed_layers.hpp"
 #include "xraycast/export/packed_mesh.hpp"
-#include "xraycast/fluoroscope/fluoroscope_request.hpp"
 #include "xraycast/sampling/key_texels.hpp"
 #include "xraycast/sampling/map_texels.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
@@ -252,19 +251,12 @@ PageJson add_exercise(const SteeredExercise& exercise, std::size_t number, Parts
           {"targets", std::move(targets)}};
 }
 
-/// The usual one, at the distances of the page's cone.
-FluoroscopyOptions page_fluoroscope(const std::optional<Cone>& cone) {
-  FluoroscopyOptions options = options_of(FluoroscopeRequest{});
-  if (cone) options.c_arm.distances = *cone;
-  return options;
-}
-
 /// What the page's own simulation takes, and how each instrument that may be chosen is drawn.
 PageJson add_trainer(const ExportRequest& session, Parts& parts) {
   if (!session.trainer) return {};
   const std::vector<double> setup = packed(*session.trainer);
   parts.add("trainer", setup);
-  const FluoroscopyOptions fluoroscope = page_fluoroscope(session.pose.cone);
+  const FluoroscopyOptions& fluoroscope = session.fluoroscope;
   parts.add("fluoroscope", packed(fluoroscope_setup(fluoroscope, water_per_mm(session.map->opacity()))));
   PageJson exercises = PageJson::array();
   for (const SteeredExercise& exercise : session.exercises)
@@ -272,6 +264,8 @@ PageJson add_trainer(const ExportRequest& session, Parts& parts) {
   return {{"choices", instruments_json(session.trainer->choices)},
           {"used", session.trainer->used},
           {"pulses_per_s", fluoroscope.pulses_per_s},
+          {"dose", static_cast<int>(fluoroscope.dose)},
+          {"compression", fluoroscope.range_compression()},
           {"tree_numbers", setup.size() - packed_use(*session.trainer).size()},
           {"exercises", std::move(exercises)}};
 }

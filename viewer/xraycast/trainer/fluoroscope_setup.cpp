@@ -126,6 +126,7 @@ FluoroscopeSetup fluoroscope_setup(const FluoroscopyOptions& options, double wat
 
 std::vector<double> packed(const FluoroscopeSetup& setup) {
   FluoroscopeSetup whole{.options = setup.options, .water_per_mm = setup.water_per_mm};
+  whole.options.c_arm.compression = whole.options.range_compression();
   if (!whole.options.c_arm.grid) whole.options.c_arm.grid.emplace();  // one that lets all through
   std::vector<double> numbers;
   const auto add = [&](const auto& number) { numbers.push_back(static_cast<double>(number)); };
