@@ -15,6 +15,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <initializer_list>
 #include <memory>
 
 namespace xraycast::cli {
@@ -32,21 +33,22 @@ struct ExportArguments {
   const CLI::App* command = nullptr;
 };
 
+/// What else a page that steers takes.
+constexpr std::initializer_list<const char*> kOfLive{"--devices",    "--exercise",    "--c-arm", "--dose",
+                                                     "--pulse-rate", "--compression", "--seed"};
+
 /// Rejects options that have no effect.
 void check_applies(const ExportArguments& options, ExportFormat format) {
   if (format == ExportFormat::gltf) {
     check_not_given(*options.command, {"--precision", "--keys", "--gate", "--motion-speed"},
                     fmt::format("to {}, which holds no map; leave it out or write a .html", options.output));
-    check_not_given(
-        *options.command,
-        {"--live", "--devices", "--exercise", "--c-arm", "--dose", "--pulse-rate", "--compression", "--seed"},
-        fmt::format("to {}, which steers nothing; leave it out or write a .html", options.output));
+    const std::string steers_nothing =
+        fmt::format("to {}, which steers nothing; leave it out or write a .html", options.output);
+    check_not_given(*options.command, {"--live"}, steers_nothing);
+    check_not_given(*options.command, kOfLive, steers_nothing);
   }
   if (!options.is_live)
-    check_not_given(
-        *options.command,
-        {"--devices", "--exercise", "--c-arm", "--dose", "--pulse-rate", "--compression", "--seed"},
-        "without --live; leave it out or give --live too");
+    check_not_given(*options.command, kOfLive, "without --live; leave it out or give --live too");
   if (options.run.script.empty() && !options.is_live)
     check_not_given(*options.command, {"--device-model", "--entry"},
                     "without a run; leave it out or give --script or --live too");
