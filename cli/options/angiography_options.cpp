@@ -3,8 +3,8 @@
 #include "options/command.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/blood_flow/heartbeat.hpp"
 #include "xraycast/projection/xa_file.hpp"
-#include "xraycast/simulation/cardiac_waveform.hpp"
 
 #include <cmath>
 #include <limits>

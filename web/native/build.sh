@@ -16,7 +16,9 @@ sources="
   simulation/xraycast/catheter/vessel_entry simulation/xraycast/catheter/wall_contact
   simulation/xraycast/coaxial/coaxial_rods simulation/xraycast/coaxial/instruments simulation/xraycast/coaxial/lumen_contact
   simulation/xraycast/coaxial/rod_curve
-  simulation/xraycast/simulation/agent_outlet simulation/xraycast/simulation/cardiac_waveform
+  simulation/xraycast/blood_flow/flow_network simulation/xraycast/blood_flow/heartbeat simulation/xraycast/blood_flow/rest_flow
+  simulation/xraycast/blood_flow/tree_flow simulation/xraycast/blood_flow/vessel_impedance
+  simulation/xraycast/simulation/agent_outlet
   simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/laminar_vessel
   simulation/xraycast/simulation/exercise simulation/xraycast/simulation/exercise_progress
   simulation/xraycast/simulation/run_monitor simulation/xraycast/simulation/run_report

@@ -9,98 +9,54 @@
 namespace xraycast {
 namespace {
 
-constexpr double kMl_s_per_mm3_s = 1e-3;
 constexpr double kShortestStep_s = 5e-4;
 
-std::vector<int> parents_first(const VesselTree& tree) {
-  std::vector<int> order{tree.root()};
-  for (std::size_t i = 0; i < order.size(); ++i)
-    for (const int child : tree.branches()[static_cast<std::size_t>(order[i])].children)
-      order.push_back(child);
-  return order;
-}
-
 /// A child starts at its parent's end; a little further on it has its own width.
-double own_radius_mm(const VesselBranch& branch) { return branch.points[branch.points.size() / 2].radius_mm; }
+double width_mm(const VesselBranch& branch) { return branch.points[branch.points.size() / 2].radius_mm; }
 
 /// The radius over the thickness of the boundary layer that oscillates with the heart.
 double womersley_number(double radius_mm, double heart_rate_bpm) {
-  constexpr double kViscosity_mm2_s = 3.3;  // kinematic, of blood: 3.5 mPa s over 1.06 g/ml
+  constexpr double kViscosity_mm2_s = 1e6 * kBloodViscosity_Pa_s / kBloodDensity_kg_m3;
   return radius_mm * std::sqrt(2 * std::numbers::pi * heart_rate_bpm / 60 / kViscosity_mm2_s);
 }
 
 double profile_exponent(const VesselBranch& branch, const Blood& blood) {
   constexpr double kParabola = 2, kBluntest = 9;
   if (blood.profile_exponent > 0) return blood.profile_exponent;
-  return std::clamp(womersley_number(own_radius_mm(branch), blood.heart_rate_bpm), kParabola, kBluntest);
+  return std::clamp(womersley_number(width_mm(branch), blood.heart_rate_bpm), kParabola, kBluntest);
 }
 
 }  // namespace
 
 ContrastBolus::ContrastBolus(const VesselTree& tree, const Blood& blood)
-    : tree_(tree),
-      blood_(blood),
-      waveform_(blood.heart_rate_bpm),
-      order_(parents_first(tree)),
-      blood_ml_s_(tree.branches().size()),
-      junctions_(tree.branches().size() + 1),
-      is_upstream_(tree.branches().size()) {
-  divide_flow();
+    : tree_(tree), flow_(tree, blood), junctions_(tree.branches().size() + 1) {
   for (std::size_t b = 0; b < tree.branches().size(); ++b) {
     const VesselBranch& branch = tree.branches()[b];
     const double n = profile_exponent(branch, blood);
-    const double fastest_ml_s = (n + 2) / n * waveform_.peak() * blood_ml_s_[b];
+    const double fastest_ml_s = (n + 2) / n * flow_.peak_ml_s(b);
     vessels_.emplace_back(branch, n, blood.diffusivity_mm2_s, kShortestStep_s * fastest_ml_s);
     iodine_mg_ml_.emplace_back(branch.points.size() - 1);
   }
 }
 
-void ContrastBolus::divide_flow() {
-  const auto& branches = tree_.branches();
-  const auto root = static_cast<std::size_t>(tree_.root());
-  const double radius_mm = branches[root].points.front().radius_mm;
-  blood_ml_s_[root] = kMl_s_per_mm3_s * std::numbers::pi * radius_mm * radius_mm * blood_.root_velocity_mm_s;
-  const auto share = [&](int child) {
-    return std::pow(own_radius_mm(branches[static_cast<std::size_t>(child)]), blood_.split_exponent);
-  };
-  for (const int branch : order_) {
-    const auto& children = branches[static_cast<std::size_t>(branch)].children;
-    double all = 0;
-    for (const int child : children) all += share(child);
-    for (const int child : children)
-      blood_ml_s_[static_cast<std::size_t>(child)] =
-          blood_ml_s_[static_cast<std::size_t>(branch)] * share(child) / all;
-  }
-}
-
-void ContrastBolus::place_source(const VesselTree::Location& tip, double ml_s, double mg_ml) {
-  is_upstream_.assign(is_upstream_.size(), false);
-  injected_branch_ = ml_s > 0 ? tip.branch : -1;
-  if (ml_s <= 0) return;
-  const auto branch = static_cast<std::size_t>(tip.branch);
-  source_ = {vessels_[branch].cell_at(tip.arc_length_mm), ml_s, mg_ml};
-  for (int b = tree_.branches()[branch].parent; b >= 0;
-       b = tree_.branches()[static_cast<std::size_t>(b)].parent)
-    is_upstream_[static_cast<std::size_t>(b)] = true;
+/// As it has been in the flow's last step.
+void ContrastBolus::set_flow(const VesselTree::Location& tip, double ml_s, double mg_ml) {
+  const auto injected = static_cast<std::size_t>(tip.branch);
+  // Nothing can be injected where both ends are closed.
+  const double gained_ml_s = flow_.end_ml_s(injected) - flow_.start_ml_s(injected);
+  const bool injects = ml_s > 0 && gained_ml_s > 0.5 * ml_s;
+  if (injects) source_ = {vessels_[injected].cell_at(tip.arc_length_mm), ml_s, mg_ml};
+  for (std::size_t b = 0; b < vessels_.size(); ++b)
+    vessels_[b].set_flow(flow_.end_ml_s(b), injects && b == injected ? &source_ : nullptr);
 }
 
 double ContrastBolus::longest_step_s() const {
   double longest_s = std::numeric_limits<double>::infinity();
-  for (std::size_t b = 0; b < vessels_.size(); ++b) {
-    // On either side of a source there may be outflow.
-    const bool is_displaced = is_upstream_[b] || injected_branch_ == static_cast<int>(b);
-    const double flow_ml_s = waveform_.peak() * blood_ml_s_[b] + (is_displaced ? source_.ml_s : 0);
-    longest_s = std::min(longest_s, vessels_[b].longest_step_s(flow_ml_s));
+  for (const LaminarVessel& vessel : vessels_) {
+    const double flow_ml_s = std::max(std::abs(vessel.start_ml_s()), std::abs(vessel.end_ml_s()));
+    if (flow_ml_s > 0) longest_s = std::min(longest_s, vessel.longest_step_s(flow_ml_s));
   }
   return longest_s;
-}
-
-void ContrastBolus::set_flow(double relative_flow) {
-  for (std::size_t b = 0; b < vessels_.size(); ++b) {
-    const double displaced_ml_s = is_upstream_[b] ? source_.ml_s : 0;
-    vessels_[b].set_flow(relative_flow * blood_ml_s_[b] - displaced_ml_s,
-                         injected_branch_ == static_cast<int>(b) ? &source_ : nullptr);
-  }
 }
 
 void ContrastBolus::advect(double time_s) {
@@ -128,14 +84,13 @@ void ContrastBolus::advect(double time_s) {
 void ContrastBolus::step(double time_s, const VesselTree::Location& tip, double injection_ml_s,
                          double agent_mg_ml) {
   if (time_s <= 0) return;
-  place_source(tip, injection_ml_s, agent_mg_ml);
-  const double steps = std::ceil(time_s / longest_step_s());
-  const double step_s = time_s / steps;
+  const double steps = std::ceil(time_s / TreeFlow::kLongestStep_s), step_s = time_s / steps;
   for (double i = 0; i < steps; ++i) {
-    set_flow(waveform_.at(time_s_ + (i + 0.5) * step_s));
-    advect(step_s);
+    flow_.step(step_s, tip, injection_ml_s);
+    set_flow(tip, injection_ml_s, agent_mg_ml);
+    const double parts = std::ceil(step_s / longest_step_s());
+    for (double part = 0; part < parts; ++part) advect(step_s / parts);
   }
-  time_s_ += time_s;
   for (std::size_t b = 0; b < vessels_.size(); ++b) {
     vessels_[b].diffuse(time_s);
     washed_out_mg_ += vessels_[b].drop_traces_mg();

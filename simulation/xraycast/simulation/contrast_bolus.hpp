@@ -1,35 +1,20 @@
 #pragma once
 
+#include "xraycast/blood_flow/tree_flow.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
-#include "xraycast/simulation/cardiac_waveform.hpp"
 #include "xraycast/simulation/laminar_vessel.hpp"
 
 #include <vector>
 
 namespace xraycast {
 
-/// The blood's flow through a vessel tree.
-struct Blood {
-  /// Mean over a heartbeat. 5 l/min through an aorta of 25 mm are 170 mm/s, and the mean velocities in the
-  /// arteries that leave it are similar (Caro et al., The Mechanics of the Circulation, 2012).
-  double root_velocity_mm_s = 170;
-  double heart_rate_bpm = 70;  ///< 0: steady flow
-  /// A bifurcation divides the flow by this power of its branches' radii. 2 keeps the velocity, as in large
-  /// arteries; arterioles follow Murray's cube (Zamir, The Physics of Pulsatile Flow, 2000).
-  double split_exponent = 2;
-  double profile_exponent = 0;  ///< of every LaminarVessel; 0: by its Womersley number
-  /// Of a molecule of 800 g/mol in plasma, by Stokes and Einstein.
-  double diffusivity_mm2_s = 3e-4;
-};
-
 /// Transport of iodine by the blood through a vessel tree, from where contrast agent is injected until it
 /// washes out.
 ///
-/// Flow: pulsatile by CardiacWaveform in rigid vessels, from the root to the leaves. The resistance of the
-/// periphery is far above that of the tree, so that an injection does not change what flows out of the
-/// leaves: it takes the place of blood that would come from the root. Where it exceeds the flow, the rest
-/// refluxes towards the root, and from there into other branches (as seen by Kovarovic et al., Cardiovasc Eng
-/// Technol 9:226, 2018).
+/// Flow: a TreeFlow's, of which an injection is a source: it takes the place of blood that would come from
+/// the root, as the resistance of the periphery is far above that of the tree. Where it exceeds the flow, the
+/// rest refluxes towards the root, and from there into other branches (as seen by Kovarovic et al.,
+/// Cardiovasc Eng Technol 9:226, 2018).
 ///
 /// Transport: a LaminarVessel for every branch. Its profile's exponent is the Womersley number, the ratio of
 /// the radius to the thickness of the oscillating boundary layer, between 2, a parabola, and 9, as measured
@@ -52,8 +37,12 @@ class ContrastBolus {
   /// Iodine that has left the tree: through its leaves, and where it refluxes through its root.
   double washed_out_mg() const { return washed_out_mg_; }
 
-  /// The blood's mean flow through a branch, without an injection.
-  double mean_flow_ml_s(int branch) const { return blood_ml_s_[static_cast<std::size_t>(branch)]; }
+  /// The blood's mean flow through a branch at rest, without an injection, a stenosis or an instrument.
+  double mean_flow_ml_s(int branch) const { return flow_.rest_ml_s(static_cast<std::size_t>(branch)); }
+
+  /// What moves it: for pressures, and for what narrows the vessels.
+  const TreeFlow& flow() const { return flow_; }
+  TreeFlow& flow() { return flow_; }
 
  private:
   /// A branch's end, or the root's start.
@@ -62,24 +51,17 @@ class ContrastBolus {
     double mg_ml() const { return leaving_ml > 0 ? entering_mg / leaving_ml : 0; }
   };
 
-  void divide_flow();
-  void place_source(const VesselTree::Location& tip, double ml_s, double mg_ml);
   double longest_step_s() const;
-  void set_flow(double relative_flow);
+  void set_flow(const VesselTree::Location& tip, double ml_s, double mg_ml);
   void advect(double time_s);
 
   const VesselTree& tree_;
-  Blood blood_;
-  CardiacWaveform waveform_;
-  std::vector<int> order_;          ///< branches, parents first
-  std::vector<double> blood_ml_s_;  ///< of every branch, the mean
+  TreeFlow flow_;
   std::vector<LaminarVessel> vessels_;
   std::vector<Junction> junctions_;  ///< the branches' ends, then the root's start
   std::vector<std::vector<double>> iodine_mg_ml_;
-  int injected_branch_ = -1;
   LaminarVessel::Source source_;
-  std::vector<bool> is_upstream_;  ///< of the injection: all branches between the root and its branch
-  double washed_out_mg_ = 0, time_s_ = 0;
+  double washed_out_mg_ = 0;
 };
 
 }  // namespace xraycast

@@ -1,0 +1,123 @@
+#include "xraycast/blood_flow/rest_flow.hpp"
+
+#include "xraycast/blood_flow/vessel_impedance.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <string_view>
+
+namespace xraycast {
+namespace {
+
+struct NamedShare {
+  std::string_view name;
+  double share;
+};
+
+// Of several that fit, the first one counts.
+constexpr std::array kShares{
+    NamedShare{"renal artery", 0.095},
+    NamedShare{"coeliac trunk", 0.115},  // liver, spleen, stomach and oesophagus, pancreas
+    NamedShare{"celiac trunk", 0.115},
+    NamedShare{"hepatic artery", 0.07},   // with half of the stomach
+    NamedShare{"splenic artery", 0.045},  // with the other half, and the pancreas
+    NamedShare{"superior mesenteric artery", 0.12},
+    NamedShare{"inferior mesenteric artery", 0.02},
+    NamedShare{"internal carotid artery", 0.045},
+    NamedShare{"external carotid artery", 0.027},
+    NamedShare{"common carotid artery", 0.072},
+    NamedShare{"vertebral artery", 0.015},
+    NamedShare{"left coronary artery", 0.027},
+    NamedShare{"left main", 0.027},
+    NamedShare{"right coronary artery", 0.013},
+};
+
+constexpr std::array<std::string_view, 2> kRightCoronaries{"right coronary", "RCA"};
+constexpr std::array<std::string_view, 7> kLeftCoronaries{
+    "coronary", "left main", "anterior descending", "circumflex", "obtuse marginal", "LAD", "LCX"};
+
+bool contains(const std::string& name, std::string_view part) { return name.find(part) != std::string::npos; }
+
+/// A child starts at its parent's end; a little further on it has its own width.
+double own_radius_mm(const VesselBranch& branch) {
+  return healthy_radii_mm(branch)[branch.points.size() / 2];
+}
+
+double root_flow_ml_s(const VesselTree& tree, const Blood& blood) {
+  const VesselBranch& root = tree.branches()[static_cast<std::size_t>(tree.root())];
+  constexpr double kMl_per_mm3 = 1e-3;
+  const double share = rest_share(root.name);
+  const double radius_mm = root.points.front().radius_mm;
+  const double ml_s = share > 0
+                          ? share * kHeartOutput_ml_s
+                          : kMl_per_mm3 * std::numbers::pi * radius_mm * radius_mm * blood.root_velocity_mm_s;
+  return std::min(ml_s, kHeartOutput_ml_s);
+}
+
+}  // namespace
+
+double rest_share(const std::string& name) {
+  for (const NamedShare& known : kShares)
+    if (contains(name, known.name)) return known.share;
+  return 0;
+}
+
+Coronary coronary_of(const std::string& name) {
+  for (const std::string_view part : kRightCoronaries)
+    if (contains(name, part)) return Coronary::right;
+  for (const std::string_view part : kLeftCoronaries)
+    if (contains(name, part)) return Coronary::left;
+  return Coronary::none;
+}
+
+std::vector<int> parents_first(const VesselTree& tree) {
+  std::vector<int> order{tree.root()};
+  for (std::size_t i = 0; i < order.size(); ++i)
+    for (const int child : tree.branches()[static_cast<std::size_t>(order[i])].children)
+      order.push_back(child);
+  return order;
+}
+
+RestFlow rest_flow(const VesselTree& tree, const Blood& blood) {
+  const auto& branches = tree.branches();
+  RestFlow rest{std::vector<double>(branches.size()), std::vector<Coronary>(branches.size())};
+  const auto root = static_cast<std::size_t>(tree.root());
+  rest.ml_s[root] = root_flow_ml_s(tree, blood);
+  rest.coronary[root] = coronary_of(branches[root].name);
+  for (const int parent : parents_first(tree)) {
+    const VesselBranch& divides = branches[static_cast<std::size_t>(parent)];
+    const double flow_ml_s = rest.ml_s[static_cast<std::size_t>(parent)];
+    // A vessel that goes on under its name is none that leaves.
+    const auto share_of = [&](int child) {
+      const std::string& name = branches[static_cast<std::size_t>(child)].name;
+      return name == divides.name ? 0 : rest_share(name);
+    };
+    const auto width_of = [&](int child) {
+      return std::pow(own_radius_mm(branches[static_cast<std::size_t>(child)]), blood.split_exponent);
+    };
+    double named_ml_s = 0, widths = 0, all_widths = 0;
+    for (const int child : divides.children) {
+      named_ml_s += share_of(child) * kHeartOutput_ml_s;
+      widths += share_of(child) > 0 ? 0 : width_of(child);
+      all_widths += width_of(child);
+    }
+    constexpr double kLeastOfOthers = 0.5;
+    const double most_ml_s = flow_ml_s * (1 - kLeastOfOthers * widths / all_widths);
+    // Where all have names they share what there is.
+    const double scale =
+        named_ml_s == 0 ? 0 : (widths == 0 ? flow_ml_s : std::min(named_ml_s, most_ml_s)) / named_ml_s;
+    for (const int child : divides.children) {
+      const auto c = static_cast<std::size_t>(child);
+      const double share = share_of(child);
+      rest.ml_s[c] = share > 0 ? scale * share * kHeartOutput_ml_s
+                               : (flow_ml_s - scale * named_ml_s) * width_of(child) / widths;
+      const Coronary own = coronary_of(branches[c].name);
+      rest.coronary[c] = own == Coronary::none ? rest.coronary[static_cast<std::size_t>(parent)] : own;
+    }
+  }
+  return rest;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,239 @@
+#include "xraycast/blood_flow/tree_flow.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+constexpr double kBodyResistance = (TreeFlow::kAortic_mmHg - TreeFlow::kVenous_mmHg) / kHeartOutput_ml_s;
+constexpr double kWindkessel_s = 0.79 * 1.75;
+/// Of the arterial compliance, such that the resistive index of a renal artery is 0.6 at rest (Tublin et al.,
+/// AJR 180:885, 2003).
+constexpr double kShareDownstream = 0.15;
+/// Of a periphery's resistance: the characteristic impedance of its arteries, from which no wave is
+/// reflected: rho c / A, with a pulse wave of 6 m/s and the velocity of Blood.
+constexpr double kProximalShare = 0.09;
+/// Kim et al.'s circuit with the shares of Sankaran et al., Ann Biomed Eng 40:2228, 2012.
+constexpr double kArterialShare = 0.32, kMicroShare = 0.52, kVenousShare = 0.16;
+constexpr double kArterialCompliance = 0.11, kWallCompliance = 0.89;
+constexpr double kCoronary_s = 1.9;  // resistance by compliance: 39 mmHg s/ml and 0.048 ml/mmHg
+constexpr double kLeft_mmHg = 120, kRight_mmHg = 25;  // systolic, of the ventricles
+
+void check_blood(const Blood& blood) {
+  const double bpm = blood.heart_rate_bpm;
+  if (!(bpm == 0 || (bpm >= kMinHeartRate_bpm && bpm <= kMaxHeartRate_bpm)))
+    throw InputError("`heart_rate_bpm` {:g}: must be 0, for a steady flow, or {:g} to {:g}", bpm,
+                     kMinHeartRate_bpm, kMaxHeartRate_bpm);
+  constexpr double kFastest_mm_s = 2000, kLeast = 1e-3, kMost = 1e3;
+  if (!(blood.root_velocity_mm_s > 0 && blood.root_velocity_mm_s <= kFastest_mm_s))
+    throw InputError("`root_velocity_mm_s` {:g}: must be above 0 and at most {:g} mm/s",
+                     blood.root_velocity_mm_s, kFastest_mm_s);
+  for (const auto& [name, factor] : {std::pair{"coronary_resistance", blood.coronary_resistance},
+                                     std::pair{"other_resistance", blood.other_resistance}})
+    if (!(factor >= kLeast && factor <= kMost))
+      throw InputError("`{}` {:g}: outlets need a resistance of {:g} to {:g} of that at rest", name, factor,
+                       kLeast, kMost);
+}
+
+const Blood& checked(const Blood& blood) {
+  check_blood(blood);
+  return blood;
+}
+
+FlowLoss difference(const FlowLoss& to, const FlowLoss& from) {
+  return {to.resistance - from.resistance, to.inertance - from.inertance,
+          to.quadratic_loss - from.quadratic_loss, to.blocked - from.blocked};
+}
+
+}  // namespace
+
+TreeFlow::TreeFlow(const VesselTree& tree, const Blood& blood)
+    : tree_(tree),
+      heart_(checked(blood).heart_rate_bpm),
+      rest_(rest_flow(tree, blood)),
+      divided_mm_(tree.branches().size()),
+      upper_(tree.branches().size()),
+      behind_(tree.branches().size()),
+      share_(tree.branches().size(), 1),
+      is_filled_(tree.branches().size()),
+      peak_ml_s_(tree.branches().size()),
+      network_(nodes_of(blood)) {
+  for (std::size_t b = 0; b < upper_.size(); ++b) divide(b, 0.5 * tree.branches()[b].arc_length_mm.back());
+  begin();
+}
+
+std::vector<FlowNode> TreeFlow::nodes_of(const Blood& blood) {
+  const double compliance = kWindkessel_s / kBodyResistance;
+  std::vector<FlowNode> nodes{{.compliance = (1 - kShareDownstream) * compliance}};
+  const auto root = static_cast<std::size_t>(tree_.root());
+  constexpr double kNone = 1e-9;
+  if (const double share = 1 - rest_.ml_s[root] / kHeartOutput_ml_s; share > kNone) {
+    const double resistance = kBodyResistance / share;
+    nodes.push_back({.parent = 0,
+                     .resistance = kProximalShare * resistance,
+                     .compliance = kShareDownstream * share * compliance});
+    nodes.push_back({.parent = 1, .resistance = (1 - kProximalShare) * resistance, .is_held = true});
+  }
+  for (const VesselBranch& branch : tree_.branches()) impedances_.emplace_back(branch);
+  std::vector<double> rest_mmHg(tree_.branches().size());
+  for (const int index : parents_first(tree_)) {
+    const auto b = static_cast<std::size_t>(index);
+    const VesselBranch& branch = tree_.branches()[b];
+    const auto parent = static_cast<std::size_t>(branch.parent);
+    const std::size_t from = branch.parent < 0 ? 0 : upper_[parent] + 1;
+    upper_[b] = nodes.size();
+    nodes.push_back({.parent = static_cast<int>(from), .resistance = 1, .is_pipe = true});
+    nodes.push_back({.parent = static_cast<int>(upper_[b]), .resistance = 1, .is_pipe = true});
+    // At rest in the healthy tree.
+    const double drop_mmHg =
+        rest_.ml_s[b] * VesselImpedance(branch, healthy_radii_mm(branch)).whole().resistance;
+    rest_mmHg[b] = (branch.parent < 0 ? kAortic_mmHg : rest_mmHg[parent]) - drop_mmHg;
+  }
+  for (std::size_t b = 0; b < tree_.branches().size(); ++b)
+    if (tree_.branches()[b].children.empty())
+      add_outlet(nodes, b, rest_mmHg[b],
+                 rest_.coronary[b] == Coronary::none ? blood.other_resistance : blood.coronary_resistance);
+  return nodes;
+}
+
+/// What follows a leaf, whose pressure at rest is given.
+void TreeFlow::add_outlet(std::vector<FlowNode>& nodes, std::size_t branch, double mmHg, double factor) {
+  // A tree so narrow that at rest nothing would be left of the pressure: its flow is lower then.
+  constexpr double kLeast_mmHg = 10;
+  const double resistance = (std::max(mmHg, kVenous_mmHg + kLeast_mmHg) - kVenous_mmHg) / rest_.ml_s[branch];
+  behind_[branch] = nodes.size();
+  const auto leaf = static_cast<int>(upper_[branch] + 1), first = static_cast<int>(nodes.size());
+  const Coronary coronary = rest_.coronary[branch];
+  if (coronary == Coronary::none) {
+    const double compliance =
+        kShareDownstream * kWindkessel_s / kBodyResistance * rest_.ml_s[branch] / kHeartOutput_ml_s;
+    const double proximal = kProximalShare * resistance;
+    nodes.push_back({.parent = leaf, .resistance = proximal, .compliance = compliance});
+    nodes.push_back({.parent = first,
+                     .resistance = factor * resistance - std::min(1.0, factor) * proximal,
+                     .is_held = true});
+    return;
+  }
+  const double compliance = kCoronary_s / resistance;
+  nodes.push_back({.parent = leaf,
+                   .resistance = kArterialShare * factor * resistance,
+                   .compliance = kArterialCompliance * compliance});
+  walls_.push_back({nodes.size(), coronary == Coronary::left ? kLeft_mmHg : kRight_mmHg});
+  nodes.push_back({.parent = first,
+                   .resistance = kMicroShare * factor * resistance,
+                   .compliance = kWallCompliance * compliance});
+  nodes.push_back({.parent = first + 1, .resistance = kVenousShare * factor * resistance, .is_held = true});
+}
+
+/// Puts a branch's inner node at a place.
+void TreeFlow::divide(std::size_t branch, double arc_length_mm) {
+  constexpr double kEnd = 0.01;  // of the branch; an element needs a length
+  const double length_mm = tree_.branches()[branch].arc_length_mm.back();
+  divided_mm_[branch] = std::clamp(arc_length_mm, kEnd * length_mm, (1 - kEnd) * length_mm);
+  const FlowLoss before = impedances_[branch].up_to(divided_mm_[branch]);
+  const FlowLoss behind = difference(impedances_[branch].whole(), before);
+  const std::size_t node = upper_[branch];
+  network_.set_element(node, before.resistance, before.inertance, before.quadratic_loss);
+  network_.set_element(node + 1, behind.resistance, behind.inertance, behind.quadratic_loss);
+  network_.set_conductance(node, before.blocked > 0 ? 0 : share_[branch]);
+  network_.set_conductance(node + 1, behind.blocked > 0 ? 0 : share_[branch]);
+}
+
+/// What the heart does between two times: its flow's mean, and its walls' pressure at the end.
+void TreeFlow::beat(double begin_s, double end_s) {
+  network_.set_inflow(0, kHeartOutput_ml_s * heart_.mean_ejection(begin_s, end_s));
+  for (const Wall& wall : walls_) network_.set_outside(wall.node, wall.most_mmHg * heart_.contraction(end_s));
+}
+
+/// Beats until one is like the other.
+void TreeFlow::begin() {
+  for (std::size_t i = 0; i < network_.size(); ++i)
+    if (network_.is_held(i)) network_.set_outside(i, kVenous_mmHg);
+  const auto settle = [&](double inflow_ml_s) {
+    beat(0, 0);
+    network_.set_inflow(0, inflow_ml_s);
+    network_.settle();
+  };
+  settle(kHeartOutput_ml_s);
+  for (std::size_t b = 0; b < upper_.size(); ++b) peak_ml_s_[b] = std::abs(end_ml_s(b));
+  if (heart_.is_steady()) return;
+  constexpr int kBeats = 4;
+  const int steps = static_cast<int>(std::ceil(heart_.period_s() / kLongestStep_s));
+  const double step_s = heart_.period_s() / steps;
+  double rest_mmHg = aortic_mmHg();
+  for (int n = 0; n <= kBeats; ++n) {
+    for (int i = 0; i < steps; ++i) {
+      beat(step_s * i, step_s * (i + 1));
+      network_.step(step_s);
+      for (std::size_t b = 0; n == kBeats && b < upper_.size(); ++b)
+        peak_ml_s_[b] = std::max({peak_ml_s_[b], std::abs(start_ml_s(b)), std::abs(end_ml_s(b))});
+    }
+    if (n > 0) continue;
+    // The aorta goes to where it is at the end of diastole by the windkessel's time constant: begin there.
+    const double left = std::exp(-heart_.period_s() / kWindkessel_s);
+    const double diastolic_mmHg = rest_mmHg + (aortic_mmHg() - rest_mmHg) / (1 - left);
+    settle(kHeartOutput_ml_s * (diastolic_mmHg - kVenous_mmHg) / (rest_mmHg - kVenous_mmHg));
+  }
+}
+
+void TreeFlow::step(double time_s, const VesselTree::Location& tip, double injection_ml_s) {
+  if (injected_) network_.set_inflow(*injected_, 0);
+  injected_.reset();
+  if (injection_ml_s > 0) {
+    const auto branch = static_cast<std::size_t>(tip.branch);
+    divide(branch, tip.arc_length_mm);
+    injected_ = upper_[branch];
+    network_.set_inflow(*injected_, injection_ml_s);
+  }
+  beat(time_s_, time_s_ + time_s);
+  network_.step(time_s);
+  time_s_ += time_s;
+}
+
+double TreeFlow::pressure_mmHg(const VesselTree::Location& place) const {
+  const auto branch = static_cast<std::size_t>(place.branch);
+  const std::size_t node = upper_[branch];
+  const bool is_before = place.arc_length_mm <= divided_mm_[branch];
+  // The viscous drop goes on with the resistance, the inertial one with it as well: they are small but at a
+  // throat.
+  const FlowLoss here = impedances_[branch].up_to(place.arc_length_mm),
+                 middle = impedances_[branch].up_to(divided_mm_[branch]), whole = impedances_[branch].whole();
+  const FlowLoss from = is_before ? FlowLoss{} : middle, to = is_before ? middle : whole;
+  const std::size_t end = is_before ? node : node + 1;
+  const double begin_mmHg = network_.pressure(network_.parent(end)), end_mmHg = network_.pressure(end);
+  const double flow_ml_s = network_.flow(end), square = std::abs(flow_ml_s) * flow_ml_s;
+  const double loss_mmHg = (to.quadratic_loss - from.quadratic_loss) * square;
+  const double share = (here.resistance - from.resistance) / (to.resistance - from.resistance);
+  return begin_mmHg - share * (begin_mmHg - end_mmHg - loss_mmHg) -
+         (here.quadratic_loss - from.quadratic_loss) * square;
+}
+
+void TreeFlow::fill(const std::vector<Filling>& fillings) {
+  std::vector<bool> changes = is_filled_;
+  for (std::size_t b = 0; b < changes.size(); ++b)
+    if (is_filled_[b]) impedances_[b].empty();
+  is_filled_.assign(is_filled_.size(), false);
+  for (const Filling& filling : fillings) {
+    const auto branch = static_cast<std::size_t>(filling.branch);
+    impedances_[branch].occupy(filling.from_mm, filling.to_mm, filling.radius_mm);
+    is_filled_[branch] = changes[branch] = true;
+  }
+  for (std::size_t b = 0; b < changes.size(); ++b)
+    if (changes[b]) divide(b, divided_mm_[b]);
+}
+
+void TreeFlow::set_conductance(std::size_t branch, double share) {
+  share_[branch] = share;
+  divide(branch, divided_mm_[branch]);
+}
+
+void TreeFlow::set_periphery(std::size_t leaf, double share) {
+  const std::size_t last = behind_[leaf] + (rest_.coronary[leaf] == Coronary::none ? 1 : 2);
+  for (std::size_t node = behind_[leaf]; node <= last; ++node) network_.set_conductance(node, share);
+}
+
+}  // namespace xraycast
