@@ -22,11 +22,14 @@ std::vector<Row> add_drawing(Bench& bench) {
                                            compositing);
     add(name, [frames] { return frames->next_ms(); });
   }
-  for (const auto& [name, width, height, subtracts] :
-       {std::tuple{"frame_fluoro_640", 640, 480, false}, std::tuple{"frame_fluoro_1280", 1280, 720, false},
-        std::tuple{"frame_dsa_640", 640, 480, true}, std::tuple{"frame_dsa_1280", 1280, 720, true}}) {
-    auto pulses =
-        std::make_shared<FluoroscopyFrames>(bench.scan, bench.body_map(8), width, height, subtracts);
+  using enum PulseDisplay;
+  for (const auto& [name, width, height, display] :
+       {std::tuple{"frame_fluoro_640", 640, 480, fixed}, std::tuple{"frame_fluoro_1280", 1280, 720, fixed},
+        std::tuple{"frame_compressed_640", 640, 480, compressed},
+        std::tuple{"frame_compressed_1280", 1280, 720, compressed},
+        std::tuple{"frame_dsa_640", 640, 480, subtracted},
+        std::tuple{"frame_dsa_1280", 1280, 720, subtracted}}) {
+    auto pulses = std::make_shared<FluoroscopyFrames>(bench.scan, bench.body_map(8), width, height, display);
     add(name, [pulses] { return pulses->next_ms(); });
   }
   for (const auto& [name, width, height] :
@@ -77,6 +80,8 @@ std::vector<Row> add_drawing(Bench& bench) {
           {"opacity_to_frame_8_640", "VTK opacity to frame", at_least, 15},
           {"frame_fluoro_640", "frame_8_640", at_most_more_ms, 4},
           {"frame_fluoro_1280", "frame_8_1280", at_most_more_ms, 12},
+          {"frame_compressed_640", "frame_8_640", at_most_more_ms, 6},
+          {"frame_compressed_1280", "frame_8_1280", at_most_more_ms, 18},
           {"frame_dsa_640", "frame_fluoro_640", at_most_more_ms, 4},
           {"frame_dsa_1280", "frame_fluoro_1280", at_most_more_ms, 12},
           {"frame_drr_640", "VTK frame", at_least, 12}};

@@ -118,11 +118,12 @@ struct FluoroscopyFrames::Chain {
 };
 
 FluoroscopyFrames::FluoroscopyFrames(const ResidentScan& scan, const MapGeometry& geometry, int width,
-                                     int height, bool subtracts)
+                                     int height, PulseDisplay display)
     : Frames(scan, geometry, width, height, false), width_(width), height_(height) {
   const View view = view_of(pose_, bounds_, width, height);
   FluoroscopyOptions options;
   options.c_arm = CArm::named("fixed-single-plane");
+  if (display != PulseDisplay::compressed) options.compression = 0;
   // The body's height fits into the picture, which a detector's pixels do not: its own, so that the blur is
   // as wide as on a detector.
   View on_detector = view;
@@ -130,7 +131,7 @@ FluoroscopyFrames::FluoroscopyFrames(const ResidentScan& scan, const MapGeometry
   on_detector.cone = options.c_arm.distances;
   chain_.reset(new Chain{Fluoroscope(options, on_detector, WaterPath(Opacity::paper())), {}, {}, {}, {}});
   chain_->fluoroscope.settle(renderer().tau(view, style_));
-  if (subtracts) {
+  if (display == PulseDisplay::subtracted) {
     chain_->subtraction.emplace(width, height);
     chain_->subtraction->shift_mask({0.5, 0});
     chain_->fluoroscope.hold_technique(true);
@@ -187,7 +188,7 @@ std::vector<glm::vec3> nodes_within(const VesselTree& tree) {
 
 SteeredPulses::SteeredPulses(const SpectralScan& scan, const MapGeometry& geometry, const Motion& motion,
                              const KeyPhases& keys, int width, int height, const LivePulses& live)
-    : FluoroscopyFrames(scan.native, geometry, width, height, false), live_(live) {
+    : FluoroscopyFrames(scan.native, geometry, width, height, PulseDisplay::compressed), live_(live) {
   Progress progress;
   renderer().set_map(
       std::make_shared<BodyMap>(cast_keys(scan, geometry, Opacity::paper(), motion, keys, progress).map));

@@ -60,12 +60,16 @@ class OpacityFrames : public Frames {
   int moves_ = 0;
 };
 
+/// How a pulse is shown: in a grey window of fixed width, with its range compressed as by default, or with a
+/// mask subtracted.
+enum class PulseDisplay { fixed, compressed, subtracted };
+
 /// The same frames as a fluoroscope's pulses, as the window shows them: optical depths read back, the chain
-/// from quanta to greys, and the greys drawn; or with a mask subtracted.
+/// from quanta to greys, and the greys drawn.
 class FluoroscopyFrames : public Frames {
  public:
   FluoroscopyFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height,
-                    bool subtracts);
+                    PulseDisplay display);
   ~FluoroscopyFrames();
   double next_ms();
 

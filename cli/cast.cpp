@@ -220,8 +220,9 @@ void add_cast(CLI::App& app, Invocation& invocation) {
       ->add_option(
           "--centre-line", options->request.centre_line,
           "cylinder: the axis follows a curve, monotonic in z: a CSV of x,y,z in mm (LPS) or a vessel tree, "
-          "of which a branch is chosen by its number or name")
-      ->type_name("FILE[#BRANCH]");
+          "of which a branch is chosen by its number or name; body: a straight line that leans as the body "
+          "does")
+      ->type_name("body|FILE[#BRANCH]");
   command
       ->add_option("--radius", options->radius,
                    "Outermost radius in mm, which also limits the outline; auto: encloses the body")

@@ -2,6 +2,7 @@
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
 #include "options/motion_options.hpp"
+#include "options/scene_options.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/acquisition/scan_acquisition.hpp"
@@ -26,6 +27,7 @@ struct ProjectArguments {
   GreyOptions grey;
   DicomOptions dicom;
   FluoroscopeArguments fluoroscope;
+  std::vector<std::string> objects;
 };
 
 void project_scan(const ProjectArguments& options, Invocation& invocation) {
@@ -41,6 +43,9 @@ void project_scan(const ProjectArguments& options, Invocation& invocation) {
     use_spectrum(options.attenuation.opacity, *spectrum, *acquisition.fluoroscope);
   XaOptions xa = parse_xa(options.dicom, options.output);
   check_writable(options.output);
+  std::vector<std::string> notes;
+  const std::vector<Implant> implants = read_implants(parse_objects(options.objects), notes);
+  invocation.say(notes);
   View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
   check_dicom(view, xa, options.output, invocation);
   const MotionOfRequest motion = held_motion(parse_motion(options.motion));
@@ -69,7 +74,8 @@ void project_scan(const ProjectArguments& options, Invocation& invocation) {
          "first distance of --cone"});
   if (spectrum) xa.tube_kvp = tube_kvp(options.attenuation.opacity, *spectrum);
   if (acquisition.fluoroscope && !spectrum) note_on_energies(invocation);
-  ScanAcquisition frames({.scan = resident, .attenuation = attenuation}, acquisition, view);
+  ScanAcquisition frames({.scan = resident, .attenuation = attenuation, .implants = implants}, acquisition,
+                         view);
   const AcquiredFrame frame = frames.frame(view, invocation.progress);
   const auto exposure = frames.acquisition().record();
   note_on_saturation(frames.acquisition().is_saturated(), invocation);
@@ -106,7 +112,8 @@ void add_project(CLI::App& app, Invocation& invocation) {
       "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480\n"
       "  xraycast project scans/chest/ -o lao30.dcm --angle 30 --cone 780,1200 --patient Phantom,1\n"
       "  xraycast project scans/chest/ -o inhaled.png --motion motion.json --phase breath=1\n"
-      "  xraycast project scans/chest/ -o fluoro.png --c-arm fixed-single-plane --field 220 --dose low",
+      "  xraycast project scans/chest/ -o fluoro.png --c-arm fixed-single-plane --field 220 --dose low\n"
+      "  xraycast project scans/hip/ -o hip.png --object stem.stl,material=titanium-alloy",
       [options, &invocation] { project_scan(*options, invocation); });
   add_scan_argument(*command, options->input);
   command
@@ -117,6 +124,7 @@ void add_project(CLI::App& app, Invocation& invocation) {
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
   add_motion_options(*command, options->motion);
+  add_object_option(*command, options->objects);
   add_grey_options(*command, options->grey);
   add_dicom_options(*command, options->dicom);
   add_attenuation_options(*command, options->attenuation);

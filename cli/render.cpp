@@ -77,7 +77,8 @@ PictureOptions picture_of(const RenderArguments& options, const ViewSession& sce
                          .has_annotations = options.annotations};
   apply_style(options, picture.style);
   if (options.look) choose_look(*options.look, picture);
-  check(picture, !scene.vessels.empty() && !scene.steered, !scene.catheter.empty() || scene.steered);
+  check(picture, !scene.vessels.empty() && !scene.steered,
+        !scene.catheter.empty() || scene.steered || !scene.implants.empty());
   if (picture.acquisition.fluoroscope) check_linear_codes(options.dicom);
   return picture;
 }
@@ -152,6 +153,9 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
                     const Invocation& program) {
   MapScene scene{.map = map};
   program.say(motion.warnings);
+  std::vector<std::string> on_implants;
+  scene.implants = surfaces_of(read_implants(session.implants, on_implants));
+  program.say(on_implants);
   if (session.steered) {
     scene.instruments = steered_surfaces(*session.steered);
     if (session.steered->has_road_map && !session.vessels.empty())

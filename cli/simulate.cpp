@@ -4,6 +4,7 @@
 #include "options/fluoroscope_options.hpp"
 #include "options/motion_options.hpp"
 #include "options/run_options.hpp"
+#include "options/scene_options.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/acquisition/run_cine.hpp"
@@ -39,6 +40,7 @@ struct SimulateArguments {
   std::string tree, log, plot, exercise, report;
   RunOptions run;
   std::string map, cine, look = "fluoro";
+  std::vector<std::string> objects;
   InjectionOptions injection;
   SubtractionOptions subtraction;
   ViewOptions view;
@@ -105,9 +107,13 @@ class Cine {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     const BodyBounds bounds = bounds_of(map->geometry);
     invocation.say(notes_on_place(tree, bounds, options.tree));
+    std::vector<std::string> notes;
+    const std::vector<Implant> implants = read_implants(parse_objects(options.objects), notes);
+    invocation.say(notes);
     const RunCine::Options cine{.view = view_of(options, bounds),
                                 .picture = picture_with_masks(options, request.body),
                                 .injection = parse_injection(options.injection),
+                                .implants = surfaces_of(implants),
                                 .blood = {.heart_rate_bpm = parse_heart_rate(options.injection)},
                                 .body = request.body};
     if (request.body.motion && !map->keys)
@@ -340,6 +346,7 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       true);
   command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")
       ->type_name("IMAGE");
+  add_object_option(*command, options->objects);
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
   command
       ->add_option(

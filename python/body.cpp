@@ -159,7 +159,7 @@ FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const
   picture.style.sampling.compositing = parse_compositing(given.compositing);
   const auto held = fluoroscope_of(given.fluoroscope);
   if (held) picture.acquisition.fluoroscope = held->options;
-  check(picture, scene.vessels.has_value(), !scene.instruments.empty());
+  check(picture, scene.vessels.has_value(), !scene.instruments.empty() || !scene.implants.empty());
   const BodyBounds bounds = bounds_of(body.map->geometry);
   Poses poses = poses_of(arguments, [&](View view, bool has_centre) {
     if (!has_centre) view.centre_mm = bounds.centre_mm;
@@ -173,6 +173,7 @@ FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const
                             {.map = body.map,
                              .vessels = scene.vessels,
                              .instruments = scene.instruments,
+                             .implants = surfaces_of(scene.implants),
                              .motion = scene.vessels ? moved.moving : nullptr},
                             picture, std::get<View>(poses.poses.front()));
       frames.set_phases(moved.phases);
@@ -312,11 +313,16 @@ void add_body(nb::module_& module) {
              const InstrumentsArgument& instruments, double contrast_mg_ml, const std::string& look,
              const std::string& compositing, const FluoroscopeArgument& fluoroscope,
              const PathArgument& motion, const PhaseArgument& phase, const TimeArgument& time,
-             const ProgressArgument& progress) {
-            return render(
-                self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
-                {{vessels, instruments, contrast_mg_ml}, look, compositing, fluoroscope, motion, phase, time},
-                progress);
+             const ObjectsArgument& objects, const ProgressArgument& progress) {
+            return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
+                          {{vessels, instruments, contrast_mg_ml, {}, objects},
+                           look,
+                           compositing,
+                           fluoroscope,
+                           motion,
+                           phase,
+                           time},
+                          progress);
           },
           nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
           nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
@@ -324,12 +330,12 @@ void add_body(nb::module_& module) {
           nb::arg("instruments") = nb::none(), nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
           nb::arg("look") = "fluoro", nb::arg("compositing") = "path", nb::arg("fluoroscope") = nb::none(),
           nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(), nb::arg("time") = nb::none(),
-          nb::arg("progress") = nb::none(),
+          nb::arg("objects") = nb::none(), nb::arg("progress") = nb::none(),
           "A Frame from any C-arm angle, or Frames if angles are lists; poses and fluoroscope are as in "
           "Scan.project. Drawn by OpenGL, in software if there is no GPU.\n\n"
           "vessels: Vessels, a VesselTree, a Mesh, or a file or folder, filled with contrast agent.\n"
           "instruments: a Catheter, CoaxialInstruments, an InstrumentShape, or a list of these.\n"
-          "contrast_mg_ml: iodine in the vessels.\n"
+          "contrast_mg_ml: iodine in the vessels.  objects: a list of Implant.\n"
           "look: fluoro: vessels and instruments attenuate; surface: they are opaque, and depths end at "
           "them; dsa: depths are the differences from the picture without the vessels.\n"
           "compositing: how shells add up along a ray: path, by the path length in each, or wall, once per "
@@ -428,7 +434,7 @@ radii: `near-skin` (default), `equal-area` (default for circles), `equal-thickne
 first; with a body's outline, numbers up to 1 are fractions of it.
 radius_mm: the outermost radius, which also limits the outline; default: encloses the body.
 centre_mm: of the axis (x, y) or sphere (x, y, z), LPS, or the VesselTree whose centroid it is; default: the body's.
-centre_line: a file of x,y,z in mm, or of a vessel tree, which the axis follows.
+centre_line: a file of x,y,z in mm, or of a vessel tree, which the axis follows, or "body": it leans as the body.
 outline: `body`: the shells follow the body's outline, without the table; `circle`: they are circles; default: the
 body's, or circles if no body is found.  keep_table: the outline encloses everything, including the table.
 opacity: as in project; a map by a spectrum holds masses_g_cm2.  iodine: with a spectrum, a file with a mask of

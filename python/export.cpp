@@ -103,7 +103,8 @@ void export_session(const HeldBody& body, nb::handle path, const nb::object& ves
                     const nb::object& session, const PathArgument& motion, const PhaseArgument& phase,
                     const PhaseArgument& gate, double motion_speed, const KeysArgument& keys,
                     const nb::object& live, const nb::object& devices, const nb::object& entry,
-                    const nb::object& exercise, const nb::object& fluoroscope, const nb::object& progress) {
+                    const nb::object& exercise, const nb::object& fluoroscope, const nb::object& objects,
+                    const nb::object& progress) {
   const std::string file = path_of(path);
   const ExportFormat format = export_format(file);
   check_writable(file);
@@ -115,6 +116,7 @@ void export_session(const HeldBody& body, nb::handle path, const nb::object& ves
     request.vessels = scene_of({vessels, nb::none(), contrast_mg_ml}).vessels;
     request.vessels_name = "vessels";
   }
+  request.implants = surfaces_of(scene_of({nb::none(), nb::none(), contrast_mg_ml, {}, objects}).implants);
   request.body = page_body(body, run, request.vessels.has_value(), motion, phase, gate, motion_speed);
   if (run != nullptr) {
     check_recordable(*run->request.script);
@@ -148,6 +150,7 @@ void add_export(nb::module_& module) {
       "entry: int | str | numpy.typing.ArrayLike | None = None, "
       "exercise: collections.abc.Sequence[str | os.PathLike[str]] | None = None, "
       "fluoroscope: Fluoroscope | None = None, "
+      "objects: collections.abc.Sequence[Implant] | None = None, "
       "progress: xraycast._progress.Listener | None = None) "
       "-> None",
       usual.title, kUsualContrast_mg_ml);
@@ -158,8 +161,8 @@ void add_export(nb::module_& module) {
       nb::arg("session") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
       nb::arg("gate") = nb::none(), nb::arg("motion_speed") = 1.0, nb::arg("keys") = nb::none(),
       nb::arg("live") = nb::none(), nb::arg("devices") = nb::none(), nb::arg("entry") = nb::none(),
-      nb::arg("exercise") = nb::none(), nb::arg("fluoroscope") = nb::none(), nb::arg("progress") = nb::none(),
-      nb::sig(signature.c_str()),
+      nb::arg("exercise") = nb::none(), nb::arg("fluoroscope") = nb::none(), nb::arg("objects") = nb::none(),
+      nb::arg("progress") = nb::none(), nb::sig(signature.c_str()),
       "Writes a BodyMap, with vessels and a run, as one web page that any browser opens (.html), or without "
       "the map as a glTF scene (.glb).\n\n"
       "vessels: Vessels, a Mesh, a VesselTree, or a file or folder of these.  run: what simulate() gave.\n"
@@ -177,7 +180,8 @@ void add_export(nb::module_& module) {
       "which it was simulated.\n"
       "live: instruments, the outermost first, of a page that steers: it simulates them by itself, in the "
       "vessels' tree.  devices: others that may be taken instead.  entry: as Catheter's.  "
-      "exercise: a list of files of tasks, to choose in the page (docs/exercises.md).  "
+      "objects: a list of Implant, which lie in the body.  exercise: a list of files of tasks, to choose in "
+      "the page (docs/exercises.md).  "
       "fluoroscope: the page's own, of whose C-arm, dose, pulse rate, compression and seed it takes heed.");
 }
 

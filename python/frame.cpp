@@ -11,7 +11,9 @@
 #include "xraycast/projection/projection_file.hpp"
 #include "xraycast/scene/absorbing_surfaces.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
@@ -77,7 +79,9 @@ nb::ndarray<nb::numpy, const Value, nb::ndim<2>> pulse_array(const Frame& frame,
 
 Picture absorption_array(const Frame& frame, const SceneArguments& arguments) {
   const View& view = view_of(frame, "absorption");
-  const std::vector<Surface> drawn = scene_of(arguments).all();
+  const HeldScene scene = scene_of(arguments);
+  std::vector<Surface> drawn = scene.all();
+  std::ranges::move(surfaces_of(scene.implants), std::back_inserter(drawn));
   auto tau = std::make_shared<std::vector<float>>(frame.pixels());
   {
     const nb::gil_scoped_release released;
@@ -213,12 +217,12 @@ void add_frames(nb::module_& module) {
       .def(
           "absorption",
           [](const Frame& f, const VesselsArgument& vessels, const InstrumentsArgument& instruments,
-             double contrast_mg_ml) {
-            return absorption_array(f, {vessels, instruments, contrast_mg_ml});
+             double contrast_mg_ml, const ObjectsArgument& objects) {
+            return absorption_array(f, {vessels, instruments, contrast_mg_ml, {}, objects});
           },
           nb::kw_only(), nb::arg("vessels") = nb::none(), nb::arg("instruments") = nb::none(),
-          nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml, kShared,
-          "The optical depth that vessels and instruments alone add in this view, as BodyMap.render draws "
+          nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml, nb::arg("objects") = nb::none(), kShared,
+          "The optical depth that vessels, instruments and objects alone add in this view, as BodyMap.render draws "
           "them, (rows, columns) float32; a new array.")
       .def_prop_ro(
           "shape", [](const Frame& f) { return nb::make_tuple(f.height(), f.width()); }, "(rows, columns)")

@@ -55,6 +55,7 @@ struct Wishes {
   Attenuation attenuation;
   bool has_gradient = false;
   std::vector<Surface> surfaces;  ///< vessels and instruments
+  std::vector<Implant> implants;
   AcquisitionOptions acquisition;
 };
 
@@ -65,6 +66,7 @@ void acquire(const SpectralScan& scan, const std::vector<Pose>& poses, const Wis
   ScanAcquisition frames({.scan = scan,
                           .attenuation = wishes.attenuation,
                           .surfaces = wishes.surfaces,
+                          .implants = wishes.implants,
                           .sampling = Sampling::skipping_constant_blocks},
                          wishes.acquisition, first);
   for (const Pose& pose : poses)
@@ -122,8 +124,9 @@ std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses
 }
 
 void check(const Wishes& wishes, const Poses& poses) {
-  if (!wishes.acquisition.fluoroscope && wishes.surfaces.empty()) return;
-  const char* const name = wishes.acquisition.fluoroscope ? "fluoroscope" : "vessels and instruments";
+  if (!wishes.acquisition.fluoroscope && wishes.surfaces.empty() && wishes.implants.empty()) return;
+  const char* const name =
+      wishes.acquisition.fluoroscope ? "fluoroscope" : "vessels, instruments and objects";
   if (std::holds_alternative<PinholeCamera>(poses.poses.front()))
     throw InputError("{}: K and RT place no C-arm; give lao, cranial and cone_mm", name);
   if (wishes.has_gradient) throw InputError("{}: have no gradient; leave one of them out", name);
@@ -132,7 +135,8 @@ void check(const Wishes& wishes, const Poses& poses) {
 FrameOrFrames project_scan(HeldScan& scan, const PoseArguments& arguments, const OpacityArgument& opacity,
                            bool has_gradient, const SceneArguments& scene, const nb::object& fluoroscope,
                            const nb::object& progress) {
-  Wishes wishes{attenuation_of(opacity), has_gradient, scene_of(scene).all(), {}};
+  HeldScene held_scene = scene_of(scene);
+  Wishes wishes{attenuation_of(opacity), has_gradient, held_scene.all(), std::move(held_scene.implants), {}};
   const auto held = fluoroscope_of(fluoroscope);
   if (held) wishes.acquisition.fluoroscope = held->options;
   const auto* named = std::get_if<std::filesystem::path>(&opacity);
@@ -159,11 +163,11 @@ void add_projection(nb::class_<HeldScan>& scan) {
          const ArrayArgument& k, const ArrayArgument& rt, const OpacityArgument& opacity, bool gradient,
          const VesselsArgument& vessels, const InstrumentsArgument& instruments, double contrast_mg_ml,
          const FluoroscopeArgument& fluoroscope, const PathArgument& motion, const PhaseArgument& phase,
-         const TimeArgument& time, const ProgressArgument& progress) {
+         const TimeArgument& time, const ObjectsArgument& objects, const ProgressArgument& progress) {
         const MotionRequest request = motion_request_of(motion, phase, time);
         return with_motion(self, request, progress, [&](HeldScan& taken) {
           return project_scan(taken, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
-                              gradient, {vessels, instruments, contrast_mg_ml, request}, fluoroscope,
+                              gradient, {vessels, instruments, contrast_mg_ml, request, objects}, fluoroscope,
                               progress);
         });
       },
@@ -173,7 +177,7 @@ void add_projection(nb::class_<HeldScan>& scan) {
       nb::arg("opacity") = "paper", nb::arg("gradient") = false, nb::arg("vessels") = nb::none(),
       nb::arg("instruments") = nb::none(), nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
       nb::arg("fluoroscope") = nb::none(), nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(),
-      nb::arg("time") = nb::none(), nb::arg("progress") = nb::none(),
+      nb::arg("time") = nb::none(), nb::arg("objects") = nb::none(), nb::arg("progress") = nb::none(),
       "The DRR of the scan: a Frame of optical depths, or Frames where angles or matrices are lists.\n\n"
       "lao, cranial: the C-arm's angles in degrees, LAO and cranial positive.\n"
       "size: (width, height) in pixels; else the whole body fits.\n"
@@ -186,6 +190,7 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "opacity: paper, bilinear, subtracted, a JSON file, an Opacity, or spectrum:KVP.\n"
       "gradient: also finds how tau changes with the pose; see Frame.gradient.\n"
       "vessels, instruments, contrast_mg_ml: drawn into the picture, as in BodyMap.render.\n"
+      "objects: a list of Implant; a spectrum has their own attenuation at each energy.\n"
       "fluoroscope: a Fluoroscope, whose pulses the frames then are: Frame.shown, codes, signal_kev and "
       "exposure.\n"
       "motion, phase, time: the scan is taken at an instant of its motion, as in Scan.moved, with its "

@@ -14,6 +14,8 @@
 #include <cmath>
 #include <iterator>
 #include <memory>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
 #include <optional>
 
 namespace xraycast::python {
@@ -49,6 +51,31 @@ std::vector<InstrumentShape> shapes_of(nb::handle instruments) {
   return all;
 }
 
+std::vector<Implant> implants_of(nb::handle objects) {
+  if (!nb::isinstance<nb::sequence>(objects)) throw InputError("objects: must be a list of Implant");
+  std::vector<Implant> implants;
+  for (const nb::handle one : nb::borrow<nb::sequence>(objects))
+    if (!nb::try_cast(one, implants.emplace_back())) throw InputError("objects: must be a list of Implant");
+  return implants;
+}
+
+void make_implant(Implant* implant, nb::handle surface, const std::string& material,
+                  std::optional<double> density_g_cm3, const PathArgument& pose) {
+  std::vector<std::string> notes;
+  Implant made;
+  HeldMesh mesh;
+  if (nb::try_cast(surface, mesh)) {
+    if (!pose.is_none()) throw InputError("pose: moves a file's surface; move the mesh's own points");
+    made = implant_of(*mesh.mesh, solid_named(material, density_g_cm3), "surface", notes);
+  } else {
+    made = read_implant({path_of(surface), material, density_g_cm3,
+                         pose.is_none() ? std::filesystem::path() : std::filesystem::path(path_of(pose))},
+                        notes);
+  }
+  new (implant) Implant(std::move(made));
+  warn(notes);
+}
+
 void make_shape(InstrumentShape* shape, const ArrayArgument& nodes_mm, double diameter_mm, bool is_wire) {
   constexpr std::size_t kFewest = 4;
   std::vector<glm::dvec3> nodes = points_of(nodes_mm, "nodes_mm");
@@ -74,16 +101,39 @@ HeldScene scene_of(const SceneArguments& arguments) {
     scene = result_of(nb::none(), [&](Progress&) {
       MotionOfRequest motion = held_motion(arguments.motion);
       Surface vessels = moved(std::move(*scene.vessels), motion.held, "vessels", notes);
-      return HeldScene{std::move(vessels), {}, std::move(motion)};
+      return HeldScene{std::move(vessels), {}, std::move(motion), {}};
     });
     warn(notes);
   }
   if (!arguments.instruments.is_none())
     scene.instruments = steered_surfaces({.instruments = shapes_of(arguments.instruments)});
+  if (!arguments.objects.is_none()) scene.implants = implants_of(arguments.objects);
   return scene;
 }
 
 void add_scene(nb::module_& module) {
+  nb::class_<Implant>(
+      module, "Implant",
+      "An object in the body, such as a plate, a screw or a valve: a closed surface of one material.")
+      .def("__init__", make_implant, nb::arg("surface"), nb::arg("material"), nb::kw_only(),
+           nb::arg("density_g_cm3") = nb::none(), nb::arg("pose") = nb::none(),
+           nb::sig("def __init__(self, surface: Mesh | str | os.PathLike[str], material: str, *, "
+                   "density_g_cm3: float | None = None, pose: str | os.PathLike[str] | None = None) -> None"),
+           "surface: a Mesh or its file, in the scan's mm, LPS.  material: titanium, titanium-alloy, steel, "
+           "cobalt-chrome, nitinol, tantalum, tungsten, platinum, platinum-iridium, gold, alumina, "
+           "polyethylene, "
+           "bone-cement, an element's symbol, or a formula, which needs density_g_cm3.  pose: a JSON file "
+           "with a "
+           "`motion`, 3 x 4, by which the surface's points move.")
+      .def_prop_ro("material", [](const Implant& i) { return i.material.name; })
+      .def_prop_ro("density_g_cm3", [](const Implant& i) { return i.material.g_cm3; })
+      .def_prop_ro(
+          "per_mm", [](const Implant& i) { return surface_of(i).mu_per_mm; },
+          "Its attenuation in a fluoroscopy beam, 1/mm, where water has 0.02.")
+      .def("__repr__", [](const Implant& i) {
+        return fmt::format("<xraycast.Implant of {}, {} triangles>", i.material.name,
+                           i.mesh.triangles.size());
+      });
   nb::class_<InstrumentShape>(module, "InstrumentShape",
                               "An instrument's shape, with the diameter and material that frames show.")
       .def("__init__", make_shape, nb::arg("nodes_mm"), nb::arg("diameter_mm"), nb::kw_only(),

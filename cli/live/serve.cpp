@@ -33,6 +33,7 @@ namespace xraycast::cli {
 namespace {
 
 struct ServeArguments {
+  std::vector<std::string> objects;
   std::string map, vessels, session, listen, haptic, exercise, report;
   RunOptions run{.instrument_models = {"cobra-5f"}};
   std::optional<std::string> web;  // an address
@@ -83,6 +84,7 @@ ViewSession resolve_served(const ServeArguments& options) {
   if (options.grey.inverted) scene.style.window.inverted = true;
   replace_file(scene.map, options.map);
   replace_file(scene.vessels, options.vessels);
+  if (!options.objects.empty()) scene.implants = parse_objects(options.objects);
   if (scene.map.empty()) throw InputError("no body map is given; give a MAP.exr or --session");
   if (scene.vessels.empty())
     throw InputError(
@@ -229,10 +231,14 @@ void serve(ServeArguments options, Invocation& invocation) {
   Intervention intervention(steering_of(options, request, exercise, server));
   std::unique_ptr<WebOutlet> web;
   if (page) web = open_web(*web_options, std::move(*page), bounds);
+  std::vector<std::string> notes_on_implants;
+  const std::vector<Implant> implants = read_implants(scene.implants, notes_on_implants);
+  invocation.say(notes_on_implants);
   give_way();  // after the servers' threads
   LiveScreen screen(map, {.view = detector,
                           .style = scene.style,
                           .has_window = scene.has_window,
+                          .implants = surfaces_of(implants),
                           .is_fine = options.bits == 16,
                           .fluoroscopy = fluoroscopy});
   LiveSession live(intervention, bounds, pose, screen, log_to_stderr);
@@ -273,6 +279,7 @@ void add_serve(CLI::App& app, Invocation& invocation) {
       ->add_option("--vessels", options->vessels,
                    "The vessels: a tree, or a folder that `xraycast segment` wrote")
       ->type_name("DIR|FILE");
+  add_object_option(*command, options->objects);
   add_coaxial_options(*command, options->run);
   command
       ->add_option(

@@ -2,6 +2,9 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <filesystem>
 
 namespace xraycast::cli {
@@ -22,6 +25,25 @@ void add_scene_options(CLI::App& command, SceneOptions& options) {
       .add_option("--catheter", options.catheter,
                   "A catheter's shape: control points x,y,z in mm (LPS) of a curve")
       ->type_name("CSV");
+  add_object_option(command, options.objects);
+}
+
+void add_object_option(CLI::App& command, std::vector<std::string>& objects) {
+  command
+      .add_option(
+          "--object", objects,
+          fmt::format("An object in the body, such as a plate, a screw or a valve: a closed surface in the "
+                      "scan's mm, and what it is made of: {}, an element's symbol, or a formula with its "
+                      "density; it lies where a pose's motion takes it. Repeat it for several",
+                      fmt::join(solid_names(), ", ")))
+      ->allow_extra_args(false)
+      ->type_name("FILE,material=NAME[,density=G_CM3][,pose=FILE]");
+}
+
+std::vector<ImplantRequest> parse_objects(const std::vector<std::string>& objects) {
+  std::vector<ImplantRequest> implants;
+  for (const std::string& object : objects) implants.push_back(parse_implant(object));
+  return implants;
 }
 
 void apply(const SceneOptions& options, ViewSession& session) {
@@ -29,6 +51,7 @@ void apply(const SceneOptions& options, ViewSession& session) {
   replace_file(session.vessels, options.vessels);
   replace_file(session.catheter, options.catheter);
   if (options.contrast_mg_ml) session.contrast_mg_ml = *options.contrast_mg_ml;
+  if (!options.objects.empty()) session.implants = parse_objects(options.objects);
 }
 
 ViewSession resolve_scene(const std::string& session_file, const std::string& map,

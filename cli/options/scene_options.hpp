@@ -6,16 +6,22 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace xraycast::cli {
 
-/// Objects drawn inside the body: --vessels, --contrast and --catheter, as given.
+/// What is drawn inside the body: --vessels, --contrast, --catheter and --object, as given.
 struct SceneOptions {
   std::string vessels, catheter;
+  std::vector<std::string> objects;
   std::optional<double> contrast_mg_ml;
 };
 
 void add_scene_options(CLI::App& command, SceneOptions& options);
+
+/// --object alone.
+void add_object_option(CLI::App& command, std::vector<std::string>& objects);
+std::vector<ImplantRequest> parse_objects(const std::vector<std::string>& objects);
 
 /// Overrides the session's values with the given options. Throws InputError for a file that does not exist.
 void apply(const SceneOptions& options, ViewSession& session);

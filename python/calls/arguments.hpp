@@ -25,6 +25,9 @@ class InstrumentsArgument : public nb::object {  ///< see scene_of
             "collections.abc.Sequence[Catheter | CoaxialInstruments | InstrumentShape]",
             always)
 };
+class ObjectsArgument : public nb::object {  ///< see scene_of
+  NB_OBJECT(ObjectsArgument, nb::object, "collections.abc.Sequence[Implant]", always)
+};
 class FluoroscopeArgument : public nb::object {  ///< see fluoroscope_of
   NB_OBJECT(FluoroscopeArgument, nb::object, "Fluoroscope", always)
 };

@@ -90,6 +90,47 @@ TEST(BodyOutline, LeavesTheTableOutWhereTheBodyLiesOnIt) {
   EXPECT_LE(find_outline(with_table).radius_mm, 150 + kCell_mm);
 }
 
+/// Of 60 mm of z.
+TEST(BodyOutline, ArmsBesideTheTrunkBelongToIt) {
+  const auto at = [](double x, double y, double middle, double radius) {
+    return std::hypot(x - middle, y) < radius;
+  };
+  const auto both = make([&](double x, double y) {
+    return std::hypot(x / 100, y / 90) < 1 || at(x, y, -150, 30) || at(x, y, 150, 35) || in_table(x, y);
+  });
+  const BodyOutline with_arms = find_outline(both);
+  EXPECT_EQ(with_arms.limbs, 2);
+  EXPECT_NEAR(with_arms.radius_mm, 185, kCell_mm);
+  const BodyOutline with_one = find_outline(
+      make([&](double x, double y) { return std::hypot(x / 100, y / 90) < 1 || at(x, y, 150, 35); }));
+  EXPECT_EQ(with_one.limbs, 1);
+  EXPECT_NEAR(with_one.centre_mm.x, 0, kCell_mm);  // the trunk's, also where one arm is missing
+  // No limbs: a tube of a line, a thick tabletop, the hollow frame of a table.
+  const auto without = find_outline(make([&](double x, double y) {
+    return std::hypot(x / 100, y / 90) < 1 || at(x, y, 150, 8) || (std::abs(x) < 160 && y > 110 && y < 130) ||
+           (at(x, y, -150, 34) && !at(x, y, -150, 24));
+  }));
+  EXPECT_EQ(without.limbs, 0);
+  EXPECT_NEAR(without.radius_mm, 100, kCell_mm);
+}
+
+TEST(BodyOutline, TellsHowTheBodyLeans) {
+  Volume volume({{128, 128, 100}, {3, 3, 3}, {-190, -190, 0}});
+  const VolumeGeometry& g = volume.geometry();
+  for (std::int64_t z = 0; z < g.size.z; ++z)
+    for (std::int64_t y = 0; y < g.size.y; ++y)
+      for (std::int64_t x = 0; x < g.size.x; ++x) {
+        const glm::dvec3 p = g.to_world_mm({x, y, z});
+        volume.at(x, y, z) =
+            std::hypot((p.x - 0.3 * (p.z - 150)) / 100, (p.y + 0.1 * (p.z - 150)) / 70) < 1 ? 0 : -1000;
+      }
+  const BodyOutline outline = find_outline(volume);
+  // Cells of 3 mm over 300 mm.
+  EXPECT_NEAR(outline.lean.x, 0.3, 0.01);
+  EXPECT_NEAR(outline.lean.y, -0.1, 0.01);
+  EXPECT_EQ(find_outline(make(in_trunk)).lean, glm::dvec2(0));  // 60 mm are too short to say
+}
+
 TEST(BodyOutline, SlicesInRunsGiveTheSame) {
   const Volume volume = make(in_trunk);
   OutlineFinder finder(volume.geometry());

@@ -14,7 +14,7 @@ OWNERS = {"xc": xc, "scan": xc.Scan, "body": xc.BodyMap, "basis": xc.Basis, "fra
           "run": xc.Run, "comparison": xc.Comparison}
 # Arguments with another name than their option's, but for units.
 NAMES = {"output": "path|folder|output", "device": "name", "isocentre": "centre_mm", "device_model": "instruments",
-         "label": "labels", "not": "not_vessels", "seed": "seeds", "period": "period_s"}
+         "label": "labels", "not": "not_vessels", "seed": "seeds", "period": "period_s", "object": "objects"}
 pytestmark = pytest.mark.skipif(not PROGRAM, reason="XRAYCAST_PROGRAM names no program")
 
 

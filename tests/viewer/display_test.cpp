@@ -1,5 +1,6 @@
 #include "xraycast/display/display_window.hpp"
 #include "xraycast/display/dynamic_range.hpp"
+#include "xraycast/display/temporal_filter.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 
 #include <gmock/gmock.h>
@@ -35,9 +36,19 @@ PixelPlane compressed(const PixelPlane& logarithm, double pixel_mm, float streng
 
 double ramp(double x, double softness) { return 1 / (1 + std::exp(-x / softness)); }
 
+double spread_of(const std::vector<double>& values) {
+  double sum = 0, squares = 0;
+  for (const double value : values) {
+    sum += value;
+    squares += value * value;
+  }
+  const auto count = static_cast<double>(values.size());
+  return std::sqrt(squares / count - sum * sum / count / count);
+}
+
 /// The logarithms of random steps, as at a lung's edge and at metal.
 TEST(DynamicRange, EdgesDoNotRing) {
-  constexpr std::uint32_t kSeeds = 40;
+  constexpr std::uint32_t kSeeds = 200;
   std::uint32_t few = 0;
   for (std::uint32_t seed = 0; seed < kSeeds; ++seed) {
     std::mt19937 random(seed);
@@ -64,12 +75,12 @@ TEST(DynamicRange, EdgesDoNotRing) {
     const float step = high - low;
     EXPECT_NEAR(step, (1 - kStrength) * height, 0.02 * height) << seed;
     const float rings = std::max(low - least, most - high) / step;
-    // Sharp oblique edges part cells, which are mixtures then: of these lines make the most.
-    EXPECT_LT(rings, 0.08f) << seed << ": a step of " << height << ", " << softness << " pixels soft, of "
+    // Edges sharper than two pixels part cells, which are mixtures then: of these lines make the most.
+    EXPECT_LT(rings, 0.18f) << seed << ": a step of " << height << ", " << softness << " pixels soft, of "
                             << pixel_mm << " mm";
     few += rings < 0.05f;
   }
-  EXPECT_GE(few, 0.9 * kSeeds);
+  EXPECT_GE(few, 0.95 * kSeeds);
 }
 
 /// Lines on bodies that are even or slope: where the base follows the body, signal and noise are reduced
@@ -100,6 +111,44 @@ TEST(DynamicRange, InstrumentsKeepTheirContrastToNoise) {
       const double gain = std::sqrt(spread / raw);
       // The tenth is what means over 2 cm have of a line of 2 mm.
       EXPECT_GT(contrast / count / 0.15, 0.9 * gain) << width_px << " pixels, slope " << slope;
+    }
+}
+
+/// Lines across soft edges, as of a lung or the liver: against the pixels beside them, and these pixels'
+/// noise.
+TEST(DynamicRange, InstrumentsAreSeenAcrossEdges) {
+  constexpr double kLine = 0.15;
+  std::mt19937 random(5);
+  std::normal_distribution<float> normal(0, 0.1f);
+  const PixelPlane noise = plane_of([&](int, int) { return normal(random); });
+  for (const double width_px : {2.0, 6.0, 10.0})
+    for (const double softness : {4.0, 10.0, 25.0, 60.0}) {
+      const auto still = [&](int i, int j) { return 5 + 1.5 * ramp(i + 0.3 * j - 300, softness); };
+      const auto noisy = [&](int i, int j) {
+        return still(i, j) + noise[kSize.row(j) + static_cast<std::size_t>(i)];
+      };
+      const auto is_line = [&](int i) { return std::abs(i - 239.5) <= width_px / 2; };
+      const PixelPlane body = compressed(plane_of(still), 0.2), without = compressed(plane_of(noisy), 0.2),
+                       with = compressed(
+                           plane_of([&](int i, int j) { return noisy(i, j) - is_line(i) * kLine; }), 0.2);
+      double ratios = 0, bands = 0;
+      for (int first = 120; first < 280; first += 8, ++bands) {
+        double in = 0, in_count = 0, beside = 0, beside_count = 0;
+        std::vector<double> shown_noise, raw_noise;
+        for (int j = first; j < first + 8; ++j)
+          for (int i = 220; i < 260; ++i) {
+            if (std::abs(i - 239.5) > 1.5 * width_px + 1) continue;
+            const std::size_t at = kSize.row(j) + static_cast<std::size_t>(i);
+            (is_line(i) ? in : beside) += without[at] - with[at];
+            (is_line(i) ? in_count : beside_count) += 1;
+            shown_noise.push_back(without[at] - body[at]);
+            raw_noise.push_back(noise[at]);
+          }
+        ratios +=
+            (in / in_count - beside / beside_count) / kLine * spread_of(raw_noise) / spread_of(shown_noise);
+      }
+      // As in the raw picture, but for a tenth.
+      EXPECT_GT(ratios / bands, 0.9) << width_px << " pixels, an edge of " << softness;
     }
 }
 
@@ -188,6 +237,77 @@ TEST(DisplayChain, ABodysRangeIsShown) {
   }
   EXPECT_LT(most, 0.01);
   EXPECT_GT(without, 0.05);  // otherwise these bodies prove nothing
+}
+
+/// The contrast in greys, on the last pulses, of a wire of steel, 0.36 mm thick, that moves by `pixels` a
+/// pulse.
+double wire_contrast(const CArm& c_arm, std::uint32_t seed, double pixels, double angle) {
+  constexpr int kSide = 360, kPulses = 10, kShown = 4, kMargin = 60;
+  constexpr double kPixel_mm = 0.3, kThick_mm = 0.36;
+  constexpr double kMu_per_mm = 1, kBody = 4;  // steel's at some 60 keV, in 20 cm of water
+  FluoroscopyOptions options;
+  options.c_arm = c_arm;
+  options.seed = seed;
+  const View view{.cone = c_arm.distances, .width = kSide, .height = kSide, .pixel_mm = kPixel_mm};
+  Fluoroscope fluoroscope(options, view, WaterPath(Opacity("water", {{-1000, 0}, {0, 0.02}})));
+  double contrast = 0;
+  for (int pulse = 0; pulse < kPulses; ++pulse) {
+    const auto across_mm = [&](double i, double j) {
+      return ((i - kSide / 2.0) * std::cos(angle) + (j - kSide / 2.0) * std::sin(angle) +
+              (kPulses - 1 - pulse) * pixels) *
+             kPixel_mm;
+    };
+    std::vector<float> tau;
+    constexpr int kParts = 5;  // of a pixel
+    for (int j = 0; j < kSide; ++j)
+      for (int i = 0; i < kSide; ++i) {
+        double chord_mm = 0;
+        for (int part = 0; part < kParts; ++part) {
+          const double from_mm = across_mm(i + (part - 2.0) / kParts, j);
+          chord_mm += 2 * std::sqrt(std::max(0.0, kThick_mm * kThick_mm / 4 - from_mm * from_mm)) / kParts;
+        }
+        tau.push_back(static_cast<float>(kBody + kMu_per_mm * chord_mm));
+      }
+    if (pulse == 0) fluoroscope.settle(tau);
+    const std::vector<std::uint8_t>& shown = fluoroscope.expose(tau).shown;
+    if (pulse < kPulses - kShown) continue;
+    double on = 0, on_count = 0, beside = 0, beside_count = 0;
+    for (int j = kMargin; j < kSide - kMargin; ++j)
+      for (int i = kMargin; i < kSide - kMargin; ++i) {
+        const double from_mm = std::abs(across_mm(i, j));
+        const double grey = shown[static_cast<std::size_t>(kSide * j + i)];
+        if (from_mm < 0.2) on += grey, ++on_count;
+        if (from_mm > 3 && from_mm < 8) beside += grey, ++beside_count;
+      }
+    contrast += (beside / beside_count - on / on_count) / kShown;
+  }
+  return contrast;
+}
+
+/// A filter of a constant weight of 0.4 leaves 0.4 of a wire that moves by more than its thickness a pulse.
+TEST(TemporalFilter, AMovingWireKeepsItsContrast) {
+  for (const char* name : {"fixed-single-plane", "mobile-flat-panel"})
+    for (const double pixels : {4.0, 9.0}) {
+      const CArm c_arm = CArm::named(name);
+      double moving = 0, still = 0;
+      for (std::uint32_t seed = 0; seed < 3; ++seed) {
+        moving += wire_contrast(c_arm, seed, pixels, 0.37 * seed);
+        still += wire_contrast(c_arm, seed, 0, 0.37 * seed);
+      }
+      // Half of the loss of 0.6, at the usual dose.
+      EXPECT_GT(moving / still, 0.7) << name << ", " << pixels << " pixels a pulse";
+    }
+}
+
+/// Where nothing moves, as good as a constant weight of 0.4, which leaves 0.25 of white noise's variance.
+TEST(TemporalFilter, NoiseFalls) {
+  std::mt19937 random(3);
+  std::normal_distribution<float> normal(0, 0.1f);
+  TemporalFilter filter(kSize);
+  for (int frame = 0; frame < 12; ++frame) filter.add(plane_of([&](int, int) { return 5 + normal(random); }));
+  const std::vector<double> average(filter.average().begin(), filter.average().end());
+  // What is taken for lines by chance takes a tenth of it.
+  EXPECT_LT(std::pow(spread_of(average) / 0.1, 2), 0.3);
 }
 
 TEST(DisplayChain, BehindTheBladesItIsBlack) {

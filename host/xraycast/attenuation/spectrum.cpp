@@ -204,8 +204,9 @@ std::string Spectrum::to_json() const {
                    nlohmann::json::error_handler_t::replace);  // a file's name need not be UTF-8
 }
 
-SpectrumModel::SpectrumModel(const Spectrum& spectrum, std::span<const Material> materials)
-    : cm2_g_(materials.size()) {
+SpectrumModel::SpectrumModel(const Spectrum& spectrum, std::span<const Material> materials,
+                             std::span<const SolidMaterial> solids)
+    : cm2_g_(materials.size() + solids.size()) {
   double energy = 0;
   for (const auto& [energy_kev, fluence] : spectrum.bins()) energy += energy_kev * fluence;
   for (const auto& [energy_kev, fluence] : spectrum.bins()) {
@@ -213,6 +214,8 @@ SpectrumModel::SpectrumModel(const Spectrum& spectrum, std::span<const Material>
     weights_.push_back(energy_kev * fluence / energy);
     for (std::size_t m = 0; m < materials.size(); ++m)
       cm2_g_[m].push_back(mass_attenuation_cm2_g(materials[m].xraylib_name, energy_kev));
+    for (std::size_t m = 0; m < solids.size(); ++m)
+      cm2_g_[materials.size() + m].push_back(solids[m].cm2_g(energy_kev));
   }
 }
 
@@ -226,30 +229,36 @@ double SpectrumModel::transmission(std::span<const double> g_cm2) const {
   return passed;
 }
 
-std::vector<float> SpectrumModel::tau(const MaterialDepths& depths) const {
+std::vector<float> SpectrumModel::tau(const MaterialDepths& depths,
+                                      std::span<const std::vector<float>> solids) const {
   const std::size_t rays = depths[0].size();
   std::vector<float> tau(rays);
   constexpr std::size_t kRun = 4096;  // rays; long enough to be worth a thread
   parallel_for(static_cast<std::int64_t>((rays + kRun - 1) / kRun), [&](std::int64_t run) {
     const std::size_t first = static_cast<std::size_t>(run) * kRun;
     for (std::size_t ray = first; ray < std::min(first + kRun, rays); ray += kRaysAtOnce)
-      find_tau(depths, ray, std::min(kRaysAtOnce, rays - ray), tau.data() + ray);
+      find_tau(depths, solids, ray, std::min(kRaysAtOnce, rays - ray), tau.data() + ray);
   });
   return tau;
 }
 
 /// Relative to the bin that passes best, so that no ray is too long for 32 bits.
-void SpectrumModel::find_tau(const MaterialDepths& depths, std::size_t first, std::size_t count,
-                             float* tau) const {
+void SpectrumModel::find_tau(const MaterialDepths& depths, std::span<const std::vector<float>> solids,
+                             std::size_t first, std::size_t count, float* tau) const {
   using Rays = Eigen::Array<float, kRaysAtOnce, 1>;
+  const auto rays_of = [&](const std::vector<float>& all) {
+    Rays rays = Rays::Zero();
+    std::copy_n(all.data() + first, count, rays.data());
+    return rays;
+  };
   std::array<Rays, kMaterials.size()> g_cm2;
-  for (std::size_t m = 0; m < g_cm2.size(); ++m) {
-    g_cm2[m].setZero();
-    std::copy_n(depths[m].data() + first, count, g_cm2[m].data());
-  }
+  for (std::size_t m = 0; m < g_cm2.size(); ++m) g_cm2[m] = rays_of(depths[m]);
   const auto depth = [&](std::size_t bin) {
-    return static_cast<float>(cm2_g_[0][bin]) * g_cm2[0] + static_cast<float>(cm2_g_[1][bin]) * g_cm2[1] +
-           static_cast<float>(cm2_g_[2][bin]) * g_cm2[2];
+    Rays sum = static_cast<float>(cm2_g_[0][bin]) * g_cm2[0] + static_cast<float>(cm2_g_[1][bin]) * g_cm2[1] +
+               static_cast<float>(cm2_g_[2][bin]) * g_cm2[2];
+    for (std::size_t s = 0; s < solids.size(); ++s)
+      sum += static_cast<float>(cm2_g_[kMaterials.size() + s][bin]) * rays_of(solids[s]);
+    return sum;
   };
   Rays least = depth(0), passed = Rays::Zero();
   float all = 0;  // as 32 bits add the weights up, so that nothing attenuates nothing

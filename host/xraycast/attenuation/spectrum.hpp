@@ -2,6 +2,7 @@
 
 #include "xraycast/attenuation/materials.hpp"
 #include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/attenuation/solid_material.hpp"
 
 #include <array>
 #include <span>
@@ -67,15 +68,16 @@ Attenuation attenuation_named(const std::string& name_or_file);
 /// whole ray first.
 class SpectrumModel {
  public:
-  explicit SpectrumModel(const Spectrum& spectrum, std::span<const Material> materials = kMaterials);
+  explicit SpectrumModel(const Spectrum& spectrum, std::span<const Material> materials = kMaterials,
+                         std::span<const SolidMaterial> solids = {});
 
   /// The fraction of the energy that is transmitted: sum of S E exp(-sum of mu/rho(E) x) / sum of S E, over
   /// the bins, with S photons of energy E each and the mass x of each material in g/cm2, in the constructor's
-  /// order.
+  /// order, solids last.
   double transmission(std::span<const double> g_cm2) const;
 
-  /// -ln(transmission) of many rays through kMaterials, on all cores.
-  std::vector<float> tau(const MaterialDepths& depths) const;
+  /// -ln(transmission) of many rays through kMaterials, and the constructor's solids in g/cm2, on all cores.
+  std::vector<float> tau(const MaterialDepths& depths, std::span<const std::vector<float>> solids = {}) const;
 
   /// For computation elsewhere (shaders, kernels): every bin's share of the energy and, for models of up to
   /// three materials, mu/rho of each in cm2/g.
@@ -83,7 +85,8 @@ class SpectrumModel {
 
  private:
   static constexpr std::size_t kRaysAtOnce = 64;
-  void find_tau(const MaterialDepths& depths, std::size_t first, std::size_t count, float* tau) const;
+  void find_tau(const MaterialDepths& depths, std::span<const std::vector<float>> solids, std::size_t first,
+                std::size_t count, float* tau) const;
 
   std::vector<double> weights_;             ///< share of every bin in the energy
   std::vector<std::vector<double>> cm2_g_;  ///< for each material, mu/rho of every bin

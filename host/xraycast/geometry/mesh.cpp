@@ -57,21 +57,39 @@ const SurfaceFormat* surface_format(const std::filesystem::path& path) {
   return format == std::end(kSurfaceFormats) ? nullptr : format;
 }
 
+/// The edges that triangles run along, as two numbers of points, sorted, and the same turned round; without
+/// those between a point and itself.
+struct DirectedEdges {
+  std::vector<std::uint64_t> edges, reversed;
+};
+
+DirectedEdges directed_edges(const Mesh& mesh) {
+  DirectedEdges all;
+  for (const auto& triangle : mesh.triangles)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint64_t from = triangle[k], to = triangle[(k + 1) % 3];
+      if (from == to) continue;
+      all.edges.push_back(from << 32 | to);
+      all.reversed.push_back(to << 32 | from);
+    }
+  std::ranges::sort(all.edges);
+  std::ranges::sort(all.reversed);
+  return all;
+}
+
 }  // namespace
 
 bool is_watertight(const Mesh& mesh) {
-  std::vector<std::uint64_t> edges, reversed;
-  for (const auto& triangle : mesh.triangles) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint64_t from = triangle[k], to = triangle[(k + 1) % 3];
-      if (from == to) return false;
-      edges.push_back(from << 32 | to);
-      reversed.push_back(to << 32 | from);
-    }
-  }
-  std::ranges::sort(edges);
-  std::ranges::sort(reversed);
-  return edges == reversed && std::ranges::adjacent_find(edges) == edges.end();
+  const auto [edges, reversed] = directed_edges(mesh);
+  return edges.size() == 3 * mesh.triangles.size() && edges == reversed &&
+         std::ranges::adjacent_find(edges) == edges.end();
+}
+
+std::size_t open_edges(const Mesh& mesh) {
+  const auto [edges, reversed] = directed_edges(mesh);
+  std::vector<std::uint64_t> open;
+  std::ranges::set_difference(edges, reversed, std::back_inserter(open));
+  return open.size();
 }
 
 double volume_mm3(const Mesh& mesh) {

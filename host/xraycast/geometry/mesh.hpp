@@ -3,6 +3,7 @@
 #include <glm/vec3.hpp>
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <vector>
@@ -18,6 +19,10 @@ struct Mesh {
 
 /// Every undirected edge belongs to exactly two triangles that run along it in opposite directions.
 bool is_watertight(const Mesh& mesh);
+
+/// The number of edges that a triangle runs along and no other runs back along: 0 where the surface has an
+/// inside, also where parts of it touch in edges.
+std::size_t open_edges(const Mesh& mesh);
 
 /// Signed volume by the divergence theorem; positive when the normals point outwards. For closed surfaces.
 double volume_mm3(const Mesh& mesh);

@@ -14,6 +14,7 @@
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/trigonometric.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -161,6 +162,14 @@ BodyOutline resolve_outline(const CastRequest& request, const OutlineFinder& fin
   BodyOutline outline{};
   if (request.centre_mm.empty() || !request.radius_mm) outline = finder.finish();
   if (const auto hint = radius_hint(request, outline)) notes.push_back(*hint);
+  if (outline.limbs > 0)
+    notes.push_back(fmt::format("{} beside the trunk {} in the map", pluralize(outline.limbs, "limb"),
+                                outline.limbs == 1 ? "is" : "are"));
+  if (const double lean = glm::length(outline.lean);
+      lean > kMostLean && request.centre_line.empty() && request.projection == RayLayout::cylinder)
+    notes.push_back(
+        fmt::format("the body leans by {:.0f} deg in the scan; `centre_line` {} lets the axis follow it",
+                    glm::degrees(std::atan(lean)), kBodyLine));
   if (!request.centre_mm.empty()) outline.centre_mm = {request.centre_mm[0], request.centre_mm[1]};
   outline.radius_mm = request.radius_mm.value_or(outline.radius_mm);
   return outline;
@@ -177,13 +186,22 @@ MapGeometry resolve_sphere(const CastRequest& request, const VolumeGeometry& vol
                     {outline.centre_mm, z_mm});
 }
 
+/// Through the trunk's centroid, as the trunk leans.
+CurvedAxis line_through(const BodyOutline& outline, const VolumeGeometry& volume) {
+  std::vector<glm::dvec3> points_mm;
+  for (const double z_mm : {volume.lower_mm().z, volume.upper_mm().z})
+    points_mm.emplace_back(outline.centre_mm + outline.lean * (z_mm - volume.middle_mm().z), z_mm);
+  return {std::move(points_mm), "the body's axis"};
+}
+
 MapGeometry resolve_cylinder(const CastRequest& request, const VolumeGeometry& volume,
                              const BodyOutline& outline) {
   const int angles = request.angles.value_or(kAngles);
   if (request.centre_line.empty())
     return cylinder_map(volume, angles, resolve_radii(request, outline.radius_mm), outline.centre_mm);
-  const std::vector<glm::dvec2> centre_mm =
-      CurvedAxis::from_file(request.centre_line).centre_of_rows_mm(volume);
+  const CurvedAxis axis = request.centre_line == kBodyLine ? line_through(outline, volume)
+                                                           : CurvedAxis::from_file(request.centre_line);
+  const std::vector<glm::dvec2> centre_mm = axis.centre_of_rows_mm(volume);
   double radius_mm = outline.radius_mm;
   if (!request.radius_mm) {  // must enclose the body wherever the centre goes
     double farthest_mm = 0;

@@ -26,6 +26,9 @@ ShellOutline parse_shell_outline(const std::string& name);
 /// `equal-area`, `equal-thickness` or `near-skin`. Throws InputError for another name.
 RadiiRule parse_radii_rule(const std::string& name);
 
+/// The centre line of an axis that leans as the body does.
+inline constexpr const char* kBodyLine = "body";
+
 /// From a scan to a body map, and to its basis where that is asked for. What is not given follows from the
 /// scan's body. Messages name the fields in backquotes, for with_names().
 struct CastRequest {
@@ -39,7 +42,7 @@ struct CastRequest {
   std::optional<std::variant<RadiiRule, std::vector<double>>> radii{};
   std::optional<double> radius_mm{};      ///< limits the outline too; else the body's
   std::vector<double> centre_mm{};        ///< x, y, and z of a sphere alone; else the body's centroid
-  std::string centre_line{};              ///< of a cylinder: CurvedAxis::from_file
+  std::string centre_line{};              ///< of a cylinder: CurvedAxis::from_file, or kBodyLine
   std::optional<ShellOutline> outline{};  ///< else the body's, or circles where no body is found
   bool keep_table = false;                ///< the outline encloses everything
   Attenuation opacity = Opacity::paper();

@@ -9,6 +9,10 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <functional>
+#include <iterator>
+#include <map>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -44,13 +48,13 @@ void open_slice(std::uint8_t* cells, const Index3& size, std::int64_t reach_x, s
   for (std::int64_t y = 0; y < size.y; ++y) filter_line<false>(cells + y * size.x, size.x, 1, reach_x, copy);
 }
 
-/// The cells of the largest 6-connected component. Visited cells of `dense` become 0.
-std::vector<std::int64_t> largest_component(std::vector<std::uint8_t>& dense, const Index3& size) {
-  std::vector<std::int64_t> largest, current;
+/// The cells of the 6-connected components, the largest first. Visited cells of `dense` become 0.
+std::vector<std::vector<std::int64_t>> components(std::vector<std::uint8_t>& dense, const Index3& size) {
+  std::vector<std::vector<std::int64_t>> all;
   const std::int64_t slice = size.x * size.y;
   for (std::int64_t seed = 0; seed < static_cast<std::int64_t>(dense.size()); ++seed) {
     if (!dense[seed]) continue;
-    current.assign(1, seed);
+    std::vector<std::int64_t> current{seed};
     dense[seed] = 0;
     for (std::size_t next = 0; next < current.size(); ++next) {
       const std::int64_t cell = current[next], x = cell % size.x, y = cell / size.x % size.y;
@@ -66,9 +70,40 @@ std::vector<std::int64_t> largest_component(std::vector<std::uint8_t>& dense, co
       visit(cell >= slice, cell - slice);
       visit(cell + slice < static_cast<std::int64_t>(dense.size()), cell + slice);
     }
-    if (current.size() > largest.size()) largest.swap(current);
+    all.push_back(std::move(current));
   }
-  return largest;
+  std::ranges::stable_sort(all, std::greater<>(), &std::vector<std::int64_t>::size);
+  return all;
+}
+
+/// Whether a part of the scan is as an arm or a leg: as thick, through many slices, and about as wide as
+/// high, which tables, pads and cushions are not.
+bool is_limb(const std::vector<std::int64_t>& part, const Index3& size, const glm::dvec3& cell_mm) {
+  constexpr double kLeast_mm3 = 150e3, kThinnest_mm2 = 800, kShortest_mm = 50, kFlattest = 3, kEmptiest = 0.5;
+  if (static_cast<double>(part.size()) * cell_mm.x * cell_mm.y * cell_mm.z < kLeast_mm3) return false;
+  struct Slice {
+    std::int64_t low_x = INT64_MAX, high_x = -1, low_y = INT64_MAX, high_y = -1, cells = 0;
+  };
+  std::map<std::int64_t, Slice> slices;
+  for (const std::int64_t cell : part) {
+    const std::int64_t x = cell % size.x, y = cell / size.x % size.y;
+    Slice& slice = slices[cell / (size.x * size.y)];
+    slice = {std::min(slice.low_x, x), std::max(slice.high_x, x), std::min(slice.low_y, y),
+             std::max(slice.high_y, y), slice.cells + 1};
+  }
+  double width_mm = 0, height_mm = 0, area_mm2 = 0, box_mm2 = 0;  // sums over the slices
+  for (const auto& [z, slice] : slices) {
+    const double w_mm = static_cast<double>(slice.high_x - slice.low_x + 1) * cell_mm.x,
+                 h_mm = static_cast<double>(slice.high_y - slice.low_y + 1) * cell_mm.y;
+    width_mm += w_mm;
+    height_mm += h_mm;
+    box_mm2 += w_mm * h_mm;
+    area_mm2 += static_cast<double>(slice.cells) * cell_mm.x * cell_mm.y;
+  }
+  const auto count = static_cast<double>(slices.size());
+  return count * cell_mm.z >= kShortest_mm && area_mm2 >= kThinnest_mm2 * count &&
+         std::max(width_mm, height_mm) <= kFlattest * std::min(width_mm, height_mm) &&
+         area_mm2 >= kEmptiest * box_mm2;
 }
 
 std::int64_t stride_for(double grid_mm, double spacing_mm) {
@@ -135,21 +170,29 @@ void OutlineFinder::add_fine(std::span<const std::int16_t> slice) {
 }
 
 /// The cells of the body on the coarse grid.
-const std::vector<std::int64_t>& OutlineFinder::body_cells() const {
-  if (!body_cells_.empty()) return body_cells_;
+const OutlineFinder::BodyCells& OutlineFinder::body_cells() const {
+  if (!body_cells_.all.empty()) return body_cells_;
   const glm::dvec3 cell_mm = geometry_.spacing_mm * glm::dvec3(stride_);
   std::vector<std::uint8_t> opened = dense_;
   for (std::size_t first = 0; first < opened.size(); first += static_cast<std::size_t>(size_.x * size_.y))
     open_slice(opened.data() + first, size_, reach_for(cell_mm.x), reach_for(cell_mm.y));
-  std::vector<std::int64_t> body = largest_component(opened, size_);
-  if (body.empty()) {  // a body thinner than the opening, such as a phantom in air
+  std::vector<std::vector<std::int64_t>> parts = components(opened, size_);
+  if (parts.empty()) {  // a body thinner than the opening, such as a phantom in air
     opened = dense_;
-    body = largest_component(opened, size_);
+    parts = components(opened, size_);
+    if (!parts.empty()) parts.resize(1);
   }
-  if (body.empty())
+  if (parts.empty())
     throw InputError("nothing in the scan lies above {} HU, so no body was found; give a centre and a radius",
                      kBodyHu);
-  return body_cells_ = std::move(body);
+  body_cells_ = {std::move(parts[0]), 0, 0};
+  body_cells_.trunk = body_cells_.all.size();
+  for (std::size_t part = 1; part < parts.size(); ++part) {
+    if (!is_limb(parts[part], size_, cell_mm)) continue;
+    ++body_cells_.limbs;
+    std::ranges::copy(parts[part], std::back_inserter(body_cells_.all));
+  }
+  return body_cells_;
 }
 
 /// The sides at which the body fills 1 cm2 of the scan's border or more; none where it does so at all four,
@@ -158,7 +201,7 @@ std::vector<std::string> OutlineFinder::cut_sides() const {
   constexpr double kLeast_mm2 = 100;
   const glm::dvec3 cell_mm = geometry_.spacing_mm * glm::dvec3(stride_);
   std::array<double, 4> cut_mm2{};
-  for (const std::int64_t cell : body_cells()) {
+  for (const std::int64_t cell : body_cells().all) {
     const std::int64_t x = cell % size_.x, y = cell / size_.x % size_.y;
     if (x == 0) cut_mm2[0] += cell_mm.y * cell_mm.z;
     if (x == size_.x - 1) cut_mm2[1] += cell_mm.y * cell_mm.z;
@@ -173,17 +216,46 @@ std::vector<std::string> OutlineFinder::cut_sides() const {
   return sides;
 }
 
+/// The slope of the line through the trunk's centroids in its slices, each by its cells.
+glm::dvec2 OutlineFinder::lean_of_trunk() const {
+  constexpr double kShortest_mm = 120;
+  const glm::dvec3 cell_mm = geometry_.spacing_mm * glm::dvec3(stride_);
+  glm::dvec3 sum(0);
+  const auto trunk = std::span(body_cells().all).first(body_cells().trunk);
+  const auto place_mm = [&](std::int64_t cell) {
+    return cell_mm * glm::dvec3(static_cast<double>(cell % size_.x),
+                                static_cast<double>(cell / size_.x % size_.y),
+                                static_cast<double>(cell / (size_.x * size_.y)));
+  };
+  for (const std::int64_t cell : trunk) sum += place_mm(cell);
+  const glm::dvec3 middle = sum / static_cast<double>(trunk.size());
+  glm::dvec2 products(0);
+  double squares = 0, lowest = 0, highest = 0;
+  for (const std::int64_t cell : trunk) {
+    const glm::dvec3 from = place_mm(cell) - middle;
+    products += from.z * glm::dvec2(from);
+    squares += from.z * from.z;
+    lowest = std::min(lowest, from.z);
+    highest = std::max(highest, from.z);
+  }
+  return highest - lowest >= kShortest_mm ? products / squares : glm::dvec2(0);
+}
+
 BodyOutline OutlineFinder::finish() const {
   const glm::dvec3 cell_mm = geometry_.spacing_mm * glm::dvec3(stride_);
-  std::vector<std::int64_t> body = body_cells();
+  std::vector<std::int64_t> body = body_cells().all;
+  const std::size_t trunk = body_cells().trunk;
   const auto position_mm = [&](std::int64_t cell) {
     const glm::dvec2 index(static_cast<double>(cell % size_.x),
                            static_cast<double>(cell / size_.x % size_.y));
     return glm::dvec2(geometry_.origin_mm) + index * glm::dvec2(cell_mm);
   };
   glm::dvec2 sum_mm(0);
-  for (const std::int64_t cell : body) sum_mm += position_mm(cell);
-  BodyOutline outline{sum_mm / static_cast<double>(body.size()), 0};
+  for (std::size_t cell = 0; cell < trunk; ++cell) sum_mm += position_mm(body[cell]);
+  BodyOutline outline{.centre_mm = sum_mm / static_cast<double>(trunk),
+                      .radius_mm = 0,
+                      .lean = lean_of_trunk(),
+                      .limbs = body_cells().limbs};
   outline.cut_sides = cut_sides();
   if (options_.keeps_table) {
     body.clear();
@@ -220,7 +292,7 @@ std::vector<std::uint8_t> OutlineFinder::cells_around_body() const {
     return cells;
   };
   std::vector<std::uint8_t> inner(dense_.size(), 0);
-  for (const std::int64_t cell : body_cells()) inner[cell] = 1;
+  for (const std::int64_t cell : body_cells().all) inner[cell] = 1;
   std::vector<std::uint8_t> around = widened(inner);
   for (std::size_t cell = 0; cell < around.size(); ++cell)
     if (around[cell] && !inner[cell]) around[cell] = 2;

@@ -14,13 +14,19 @@ namespace xraycast {
 
 /// The body's position in the scan: the default centre and radius of a map.
 struct BodyOutline {
-  glm::dvec2 centre_mm;     ///< x, y of the centroid of the body's voxels
+  glm::dvec2 centre_mm;     ///< x, y of the centroid of the trunk's voxels
   double radius_mm;         ///< of a circle about the centre that encloses the body in every slice
   double radius_99_mm = 0;  ///< of one that encloses 99 % of the body's voxels
+  /// x and y of the trunk's axis for each mm of z, by the centroids of its slices; 0 where it is short.
+  glm::dvec2 lean{0, 0};
+  int limbs = 0;  ///< parts of the body apart from its trunk, such as arms beside it
   /// Right, left, anterior or posterior: where the scan ends within the body. None where it does so at all
   /// four, as a scan of a part of the body.
   std::vector<std::string> cut_sides{};
 };
+
+/// Above this the axis of a map should follow the body: 8 degrees.
+inline constexpr double kMostLean = 0.14;
 
 /// What an OutlineFinder looks for besides the circle around the body.
 struct OutlineOptions {
@@ -30,7 +36,7 @@ struct OutlineOptions {
 
 /// Finds the body while the slices are read, on a grid of about 3 mm: everything above -300 HU, opened by
 /// about 10 mm in each slice which removes the table's thin shells; the largest connected component is the
-/// body.
+/// trunk, and others as thick and round as arms and legs are limbs. Both are the body.
 ///
 /// Centre and radius are accurate to about one grid step; the radius errs on the large side.
 class OutlineFinder {
@@ -55,8 +61,15 @@ class OutlineFinder {
   glm::dvec3 skin_voxel_mm() const { return geometry_.spacing_mm * glm::dvec3(fine_stride_); }
 
  private:
-  const std::vector<std::int64_t>& body_cells() const;
+  /// Those of the trunk, and then those of the limbs.
+  struct BodyCells {
+    std::vector<std::int64_t> all;
+    std::size_t trunk = 0;  ///< how many of them
+    int limbs = 0;
+  };
+  const BodyCells& body_cells() const;
   std::vector<std::string> cut_sides() const;
+  glm::dvec2 lean_of_trunk() const;
   std::vector<std::uint8_t> cells_around_body() const;
   std::vector<std::uint64_t> shadow() const;
   std::int64_t coarse(std::int64_t fine, int axis) const;
@@ -69,8 +82,8 @@ class OutlineFinder {
   Index3 stride_;  ///< in voxels
   Index3 size_;    ///< of the coarse grid
   std::int64_t slices_seen_ = 0;
-  std::vector<std::uint8_t> dense_;               ///< 1 above the threshold; x fastest
-  mutable std::vector<std::int64_t> body_cells_;  ///< once they have been asked for
+  std::vector<std::uint8_t> dense_;  ///< 1 above the threshold; x fastest
+  mutable BodyCells body_cells_;     ///< once they have been asked for
 
   Index3 fine_stride_, fine_size_;   ///< of the grid on which the skin is found
   std::int64_t fine_words_ = 0;      ///< of a row

@@ -54,9 +54,10 @@ MapAcquisition::MapAcquisition(Renderer& renderer, MapScene scene, const Picture
       scene_(std::move(scene)),
       options_(options),
       acquisition_(options.acquisition, first, path_of(scene_.map->attenuation, options.acquisition)) {
-  check(options_, scene_.vessels.has_value(), !scene_.instruments.empty());
+  check(options_, scene_.vessels.has_value(), !scene_.instruments.empty() || !scene_.implants.empty());
   if (scene_.road_map) road_map_.emplace(*scene_.road_map);
   renderer_.set_map(scene_.map);
+  renderer_.set_implants(scene_.implants);
   Progress progress;
   if (scene_.motion) check_same_modes(*scene_.map, *scene_.motion);
   if (scene_.motion && scene_.vessels) moving_.emplace(*scene_.vessels, *scene_.motion, progress);

@@ -37,6 +37,7 @@ struct MapScene {
   std::shared_ptr<const BodyMap> map;
   std::optional<Surface> vessels{};  ///< filled with contrast agent, which a mask has not
   std::vector<Surface> instruments{};
+  std::vector<Surface> implants{};       ///< objects that do not move
   std::optional<VesselTree> road_map{};  ///< whose outline is drawn into displayed pictures
   /// By which the vessels move with a map that does; its modes are the map's, in order. Null: they stay.
   std::shared_ptr<const Motion> motion{};

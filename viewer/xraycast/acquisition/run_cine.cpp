@@ -58,6 +58,7 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
     if (options.body.motion && map->keys) options_.picture.style.pixels_per_column = kLivePixelsPerColumn;
   }
   renderer_.set_map(std::move(map));
+  renderer_.set_implants(options.implants);
   blur_ = {.pulse_s = pulse_s(options.picture.acquisition), .pixel_mm = pixel_at_axis_mm(options.view)};
   Style& style = options_.picture.style;
   style.window = automatic_window(renderer_, options_.view, style);

@@ -28,10 +28,11 @@ View no_smaller(View view, const BodyBounds& bounds);
 class RunCine {
  public:
   struct Options {
-    View view;                 ///< complete
-    PictureOptions picture{};  ///< the window is chosen by the first frame
-    double step_s = 0.1;       ///< between frames; a fluoroscope's follow its pulses
-    Injection injection;       ///< none: of no duration
+    View view;                        ///< complete
+    PictureOptions picture{};         ///< the window is chosen by the first frame
+    double step_s = 0.1;              ///< between frames; a fluoroscope's follow its pulses
+    std::vector<Surface> implants{};  ///< objects in the body, which do not move
+    Injection injection;              ///< none: of no duration
     Blood blood;
     /// Of the run: the contrast agent moves by it, and the map too, if it is one that moves; the road map
     /// stays as it was taken, at phase 0. Frames wait for its gate.

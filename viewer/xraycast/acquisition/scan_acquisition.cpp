@@ -35,10 +35,29 @@ bool is_source_within(const View& view, const VolumeGeometry& volume, const Body
 
 ScanAcquisition::ScanAcquisition(Scene scene, const AcquisitionOptions& options, const View& first)
     : scene_(std::move(scene)), acquisition_(options, first, path_of(scene_.attenuation, options)) {
-  surfaces_.set(scene_.surfaces);
-  if (const auto* spectrum = std::get_if<Spectrum>(&scene_.attenuation); spectrum && !surfaces_.empty())
+  const auto* spectrum = std::get_if<Spectrum>(&scene_.attenuation);
+  if (spectrum && !scene_.surfaces.empty())
     throw InputError("`opacity` {}: vessels and instruments take no spectrum; give an opacity",
                      spectrum->name());
+  if (spectrum && !scene_.implants.empty() && options.fluoroscope)
+    throw InputError("`opacity` {}: a fluoroscope's picture of objects takes no spectrum; give an opacity",
+                     spectrum->name());
+  std::vector<Surface> surfaces = scene_.surfaces;
+  if (!spectrum)
+    for (const Implant& implant : scene_.implants) surfaces.push_back(surface_of(implant));
+  surfaces_.set(surfaces);
+}
+
+/// Of each.
+std::vector<std::vector<float>> ScanAcquisition::implants_g_cm2(const View& view) const {
+  constexpr double kCm_per_mm = 0.1;
+  std::vector<std::vector<float>> all;
+  for (const Implant& implant : scene_.implants) {
+    AbsorbingSurfaces alone;
+    alone.set(std::vector{Surface{implant.mesh, kCm_per_mm * implant.material.g_cm3}});
+    alone.add_to(all.emplace_back(masses_.g_cm2[0].size()), view);
+  }
+  return all;
 }
 
 AcquiredFrame ScanAcquisition::frame(const View& view, Progress& progress) {
@@ -51,7 +70,10 @@ AcquiredFrame ScanAcquisition::frame(const View& view, Progress& progress) {
 RayDepths ScanAcquisition::rays(const View& view, Progress& progress) {
   if (const auto* spectrum = std::get_if<Spectrum>(&scene_.attenuation)) {
     masses_ = project_masses(scene_.scan, view, progress);
-    drr_ = {view, SpectrumModel(*spectrum).tau(masses_.g_cm2), masses_.kernel_ms};
+    std::vector<SolidMaterial> solids;
+    for (const Implant& implant : scene_.implants) solids.push_back(implant.material);
+    drr_ = {view, SpectrumModel(*spectrum, kMaterials, solids).tau(masses_.g_cm2, implants_g_cm2(view)),
+            masses_.kernel_ms};
     if (acquisition_.fluoroscope()) return &masses_.g_cm2;
   } else {
     drr_ = project(scene_.scan.native, view, std::get<Opacity>(scene_.attenuation), progress, {},

@@ -4,6 +4,7 @@
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
 #include "xraycast/scene/absorbing_surfaces.hpp"
+#include "xraycast/scene/implant.hpp"
 
 #include <optional>
 #include <vector>
@@ -28,11 +29,13 @@ class ScanAcquisition {
     const SpectralScan& scan;
     Attenuation attenuation;
     std::vector<Surface> surfaces{};  ///< vessels and instruments in it, which attenuate
+    std::vector<Implant> implants{};
     /// One picture takes less time than finding the constant blocks of the scan.
     Sampling sampling = Sampling::everywhere;
   };
 
-  /// The scan must outlive it. Throws as Acquisition, and InputError for surfaces in a spectrum's picture.
+  /// The scan must outlive it. Throws as Acquisition, and InputError for vessels and instruments in a
+  /// spectrum's picture, and for implants in a fluoroscope's picture of a spectrum.
   ScanAcquisition(Scene scene, const AcquisitionOptions& options, const View& first);
 
   /// The next frame. Throws DeviceError when the device fails.
@@ -43,6 +46,7 @@ class ScanAcquisition {
 
  private:
   RayDepths rays(const View& view, Progress& progress);
+  std::vector<std::vector<float>> implants_g_cm2(const View& view) const;
 
   Scene scene_;
   Acquisition acquisition_;

@@ -11,8 +11,6 @@ namespace {
 
 // Chosen by eye: units' settings are not published.
 constexpr float kEdgeStrength = 0.7f;
-constexpr float kNewFrameWeight =
-    0.4f;  // of fluoroscopy's recursive filter: a quarter of the noise's variance stays
 constexpr float kWindowWidth = 2.4f;  // of the logarithm, from black to white, without compression
 
 /// At an end of a row, beyond which the picture goes on as it ends.
@@ -36,12 +34,12 @@ void blank_row(const float* field, int width, float* picture) {
 }  // namespace
 
 DisplayChain::DisplayChain(const PictureSize& size, double pixel_mm, double compression)
-    : size_(size), filtered_(size.pixels()) {
+    : size_(size), sharpened_(size.pixels()), filter_(size) {
   if (compression > 0) compression_.emplace(size, pixel_mm, compression);
 }
 
 void DisplayChain::forget() {
-  is_first_ = true;
+  filter_.forget();
   if (compression_) compression_->window.forget();
 }
 
@@ -60,17 +58,24 @@ void DisplayChain::take_logarithm(const std::uint16_t* codes, int count, float* 
 
 void DisplayChain::show(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels,
                         bool is_recording, bool is_processed, std::uint8_t* grey) {
-  is_processed_ = is_processed;
-  weight_ = is_first_ || is_recording || !is_processed ? 1 : kNewFrameWeight;
   const bool compresses = is_processed && compression_;
   if (compresses) compression_->compress(logarithm, field, levels);
-  middle_ = compresses ? compression_->window.middle() : static_cast<float>(levels.measured);
-  width_ = compresses ? compression_->window.width() : kWindowWidth;
-  const PixelPlane& source = compresses ? compression_->picture : logarithm;
+  const PixelPlane* shown = compresses ? &compression_->picture : &logarithm;
+  if (is_processed) {
+    sharpen(*shown);
+    if (is_recording) filter_.forget();
+    filter_.add(sharpened_);
+    shown = &filter_.average();
+  }
+  const float middle = compresses ? compression_->window.middle() : static_cast<float>(levels.measured),
+              width = compresses ? compression_->window.width() : kWindowWidth;
+  constexpr float kMiddle = 127.5f, kWhite = 255;
+  const float per_log = kWhite / width;
   for_bands(size_, [&](int first, int end) {
-    for (int j = first; j < end; ++j) show_row(source, j, grey + size_.row(j));
+    for (int j = first; j < end; ++j)
+      windowed_row(shown->data() + size_.row(j), per_log, kMiddle - per_log * middle, size_.width,
+                   grey + size_.row(j));
   });
-  is_first_ = false;
 }
 
 DisplayChain::Compression::Compression(const PictureSize& of_pictures, double pixel_mm, double share)
@@ -96,27 +101,18 @@ void DisplayChain::Compression::compress(const PixelPlane& logarithm, const Pixe
   window.follow();
 }
 
-void DisplayChain::show_row(const PixelPlane& logarithm, int row, std::uint8_t* grey) {
+void DisplayChain::sharpen(const PixelPlane& logarithm) {
   const int width = size_.width;
   const auto row_at = [&](int j) { return logarithm.data() + size_.row(std::clamp(j, 0, size_.height - 1)); };
-  float* const shown = filtered_.data() + size_.row(row);
-  const float* now = row_at(row);
-  thread_local std::vector<float> sharp;
-  sharp.resize(static_cast<std::size_t>(width));
-  if (is_processed_) {
-    const std::array<const float*, 3> rows{row_at(row - 1), now, row_at(row + 1)};
-    sharpened_row(rows[0], rows[1], rows[2], kEdgeStrength, width - 2, sharp.data() + 1);
-    sharp.front() = sharpened_end(rows, 0, width);
-    sharp.back() = sharpened_end(rows, width - 1, width);
-    now = sharp.data();
-  }
-  if (weight_ == 1)
-    std::copy_n(now, width, shown);
-  else
-    recursive_row(now, weight_, width, shown);
-  constexpr float kMiddle = 127.5f, kWhite = 255;
-  const float per_log = kWhite / width_;
-  windowed_row(shown, per_log, kMiddle - per_log * middle_, width, grey);
+  for_bands(size_, [&](int first, int end) {
+    for (int j = first; j < end; ++j) {
+      const std::array<const float*, 3> rows{row_at(j - 1), row_at(j), row_at(j + 1)};
+      float* const sharp = sharpened_.data() + size_.row(j);
+      sharpened_row(rows[0], rows[1], rows[2], kEdgeStrength, width - 2, sharp + 1);
+      sharp[0] = sharpened_end(rows, 0, width);
+      sharp[width - 1] = sharpened_end(rows, width - 1, width);
+    }
+  });
 }
 
 }  // namespace xraycast

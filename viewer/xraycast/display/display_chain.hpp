@@ -2,6 +2,7 @@
 
 #include "xraycast/display/display_window.hpp"
 #include "xraycast/display/dynamic_range.hpp"
+#include "xraycast/display/temporal_filter.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -10,7 +11,7 @@
 namespace xraycast {
 
 /// From the detector's codes to the greys on the display: logarithm, compression of the range, edge
-/// enhancement, recursive temporal filter, window. The window fits what the body shows; without compression
+/// enhancement, temporal filter, window. The window fits what the body shows; without compression
 /// it has a fixed width and follows the level of the measuring field.
 class DisplayChain {
  public:
@@ -47,16 +48,15 @@ class DisplayChain {
     DisplayWindow window;
     PixelPlane picture;  ///< the last frame, compressed
   };
-  void show_row(const PixelPlane& logarithm, int row, std::uint8_t* grey);
+  void sharpen(const PixelPlane& logarithm);
 
   PictureSize size_;
   int bits_ = 0;
-  float dark_ = 0, weight_ = 1;
-  bool is_first_ = true, is_processed_ = true;
-  float middle_ = 0, width_ = 1;   ///< of the grey window
+  float dark_ = 0;
   std::vector<float> logarithms_;  ///< of every code
   std::optional<Compression> compression_;
-  PixelPlane filtered_;  ///< of the frames so far
+  PixelPlane sharpened_;
+  TemporalFilter filter_;
 };
 
 }  // namespace xraycast

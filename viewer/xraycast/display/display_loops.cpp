@@ -2,6 +2,8 @@
 
 #include "xraycast/base/wide_vectors.hpp"
 
+#include <initializer_list>
+
 namespace xraycast {
 
 XRAYCAST_WIDE_VECTORS
@@ -16,8 +18,37 @@ void sharpened_row(const float* __restrict above, const float* __restrict row, c
 }
 
 XRAYCAST_WIDE_VECTORS
-void recursive_row(const float* __restrict now, float weight, int count, float* __restrict shown) {
-  for (int i = 0; i < count; ++i) shown[i] += weight * (now[i] - shown[i]);
+void summed_row(const float* __restrict above, const float* __restrict row, const float* __restrict below,
+                int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i)
+    out[i] = above[i] + above[i + 1] + above[i + 2] + row[i] + row[i + 1] + row[i + 2] + below[i] +
+             below[i + 1] + below[i + 2];
+}
+
+XRAYCAST_WIDE_VECTORS
+void strongest_lines_row(const float* __restrict pixels, std::ptrdiff_t stride, int count,
+                         float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] = 0;
+  for (const std::ptrdiff_t step : {std::ptrdiff_t{2}, 2 * stride, 2 * stride + 2, 2 * stride - 2, stride + 2,
+                                    stride - 2, 2 * stride + 1, 2 * stride - 1})
+    for (int i = 0; i < count; ++i) {
+      const float* const at = pixels + i;
+      const float sum = at[0] + at[step] + at[-step] + at[2 * step] + at[-2 * step] + at[3 * step] +
+                        at[-3 * step] + at[4 * step] + at[-4 * step],
+                  size = sum < 0 ? -sum : sum;
+      out[i] = out[i] > size ? out[i] : size;
+    }
+}
+
+XRAYCAST_WIDE_VECTORS
+void recursive_row(const float* __restrict now, const float* __restrict lines, const float* __restrict usual,
+                   const FrameWeight& weight, int count, float* __restrict shown) {
+  const float still = weight.still, from = weight.from, more = 1 - still, per = 1 / (weight.to - weight.from);
+  for (int i = 0; i < count; ++i) {
+    const float moved = (lines[i] / (usual[i] + 1e-12f) - from) * per,
+                share = moved < 0 ? 0 : (moved > 1 ? 1 : moved);
+    shown[i] += (still + more * share) * (now[i] - shown[i]);
+  }
 }
 
 XRAYCAST_WIDE_VECTORS

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 // The display's loops over the pixels of a row, for a compiler to vectorise.
@@ -10,8 +11,24 @@ namespace xraycast {
 void sharpened_row(const float* above, const float* row, const float* below, float strength, int count,
                    float* out);
 
+/// Sums over 3 x 3 pixels. Rows have one pixel more on both sides.
+void summed_row(const float* above, const float* row, const float* below, int count, float* out);
+
+/// A line reaches so many pixels to both sides of its middle.
+inline constexpr int kLineReach = 8;
+
+/// Of the lines through each pixel in eight directions, every second pixel of each, the largest absolute sum.
+/// `stride`: pixels of a row; around the pixels there are kLineReach more on all sides.
+void strongest_lines_row(const float* pixels, std::ptrdiff_t stride, int count, float* out);
+
+/// The weight of a new frame: `still` where a line is below `from` times the usual, 1 above `to` times.
+struct FrameWeight {
+  float still, from, to;
+};
+
 /// shown += weight (now - shown)
-void recursive_row(const float* now, float weight, int count, float* shown);
+void recursive_row(const float* now, const float* lines, const float* usual, const FrameWeight& weight,
+                   int count, float* shown);
 void windowed_row(const float* logarithm, float per_log, float middle, int count, std::uint8_t* grey);
 
 /// out = logarithm - (slope * logarithm + start) + offset

@@ -102,6 +102,14 @@ void DynamicRange::measure(const PixelPlane& logarithm) {
     });
   }
   fit_lines();
+  // A cell that a sharp edge parts is a mixture, whose window lies on one side. On the lines it is a mixture
+  // again.
+  constexpr int kRounds = 2;
+  for (int round = 0; round < kRounds; ++round) {
+    for (std::size_t cell = 0; cell < base_.size(); ++cell)
+      base_[cell] = slope_[cell] * means_[cell] + start_[cell];
+    fit_lines();
+  }
 }
 
 void DynamicRange::average(const PixelPlane& logarithm) {

@@ -11,7 +11,8 @@ namespace xraycast {
 /// beside them: of the windows that have a cell on a side or in a corner, the one whose mean is most like it
 /// (side windows: H. Yin, Y. Gong and G. Qiu, CVPR 2019), twice. It is found on cells of some millimetres.
 /// Pixels take it from lines in their own logarithm, fitted cell by cell (K. He and J. Sun, Fast guided
-/// filter, arXiv:1505.00996), so that it has their edges.
+/// filter, arXiv:1505.00996), so that it has their edges; the lines are fitted again to the base that they
+/// give.
 class DynamicRange {
  public:
   /// `pixel_mm`: at the isocentre.

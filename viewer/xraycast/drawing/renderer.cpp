@@ -55,19 +55,29 @@ Renderer::Renderer()
 
 void Renderer::set_surfaces(std::span<const Surface> surfaces) {
   std::ranges::for_each(surfaces, check);
-  opaque_.set(surfaces);
+  std::vector<Surface> all = implants_;
+  std::ranges::copy(surfaces, std::back_inserter(all));
+  opaque_.set(all);
   absorbing_.set(surfaces);
+}
+
+void Renderer::set_implants(std::vector<Surface> implants) {
+  std::ranges::for_each(implants, check);
+  implants_ = std::move(implants);
+  absorbing_implants_.set(implants_);
+  implant_picture_.reset();
+  set_surfaces({});
 }
 
 void Renderer::replace_surface(std::size_t index, const Surface& surface) {
   check(surface);
-  opaque_.replace(index, surface);
+  opaque_.replace(implants_.size() + index, surface);
   absorbing_.replace(index, surface);
 }
 
 void Renderer::move_surface(std::size_t index, std::span<const glm::vec3> points_mm) {
   absorbing_.move(index, points_mm);
-  opaque_.move(index, points_mm);
+  opaque_.move(implants_.size() + index, points_mm);
 }
 
 // ---- passes ---------------------------------------------------------------------------------------
@@ -78,7 +88,7 @@ Renderer::Frame Renderer::draw_passes(const View& view, const Style& style) {
     frame.surfaces = Surfaces::opaque;
     draw_opaque(view);
     body_.draw_in_front(view, style, surface_depth_, depth_, opaque_.box(view));
-  } else if (style.look == Look::fluoro && !absorbing_.empty()) {
+  } else if (style.look == Look::fluoro && absorbs()) {
     frame.surfaces = Surfaces::absorbing;
     draw_absorption(view);
   }
@@ -87,7 +97,7 @@ Renderer::Frame Renderer::draw_passes(const View& view, const Style& style) {
 
 Renderer::Frame Renderer::draw_passes(const ProjectionImage& drr) {
   Frame frame{drr.view, body_.draw(drr), Surfaces::none};
-  if (!absorbing_.empty()) {
+  if (absorbs()) {
     frame.surfaces = Surfaces::absorbing;
     draw_absorption(drr.view);
   }
@@ -99,8 +109,23 @@ void Renderer::draw_absorption(const View& view) {
   screen_.draw_into(absorbed_);
   constexpr float kNothing[4] = {};
   glClearBufferfv(GL_COLOR, 0, kNothing);
-  const ScreenBox box = absorbing_.box(view);
-  absorbed_.fill(absorbing_.tau(view, box), box.x, box.y, box.width, box.height);
+  find_implants(view);
+  const ScreenBox &of_implants = implant_picture_->box, box = united(absorbing_.box(view), of_implants);
+  std::vector<float> tau = absorbing_.tau(view, box);
+  for (int y = 0; y < of_implants.height; ++y) {
+    const float* const from = implant_picture_->tau.data() + std::ptrdiff_t{of_implants.width} * y;
+    float* const to =
+        tau.data() + std::ptrdiff_t{box.width} * (of_implants.y - box.y + y) + (of_implants.x - box.x);
+    std::transform(from, from + of_implants.width, to, to, std::plus<>());
+  }
+  absorbed_box_ = box;
+  absorbed_.fill(tau, box.x, box.y, box.width, box.height);
+}
+
+void Renderer::find_implants(const View& view) {
+  if (implant_picture_ && implant_picture_->view == view) return;
+  const ScreenBox box = implants_.empty() ? ScreenBox{} : absorbing_implants_.box(view);
+  implant_picture_ = {view, box, absorbing_implants_.tau(view, box)};
 }
 
 void Renderer::draw_opaque(const View& view) {
@@ -133,7 +158,7 @@ void Renderer::display_body(const Frame& frame, const Style& style, Output outpu
   }
   set_window(program, style.window);
   program.set("origin", glm::dvec2(corner));
-  screen_.draw(is_absorbing ? united(body.box, absorbing_.box(view)) : body.box, corner);
+  screen_.draw(is_absorbing ? united(body.box, absorbed_box_) : body.box, corner);
 }
 
 void Renderer::display_surfaces(const View& view, const Style& style, Output output) {

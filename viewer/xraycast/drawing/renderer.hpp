@@ -11,6 +11,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -50,6 +51,10 @@ class Renderer {
   /// faster than to replace it. Throws InputError for another number of points.
   void move_surface(std::size_t index, std::span<const glm::vec3> points_mm);
 
+  /// Objects that do not move: they displace nothing, so that what they attenuate adds to the rest, and is
+  /// found anew only for another view. Throws as set_surfaces.
+  void set_implants(std::vector<Surface> implants);
+
   /// The picture on the bound framebuffer, whose viewport begins at (x, y) and is as large as the view, which
   /// must be complete. Throws InputError when the map cannot be drawn so.
   void draw(const View& view, const Style& style, int x = 0, int y = 0);
@@ -84,7 +89,9 @@ class Renderer {
   Frame draw_passes(const View& view, const Style& style);
   Frame draw_passes(const ProjectionImage& drr);
   void draw_opaque(const View& view);
+  bool absorbs() const { return !absorbing_.empty() || !implants_.empty(); }
   void draw_absorption(const View& view);
+  void find_implants(const View& view);
   void display(const Frame& frame, const Style& style, Output output, glm::ivec2 corner);
   void display_body(const Frame& frame, const Style& style, Output output, glm::ivec2 corner);
   void display_surfaces(const View& view, const Style& style, Output output);
@@ -93,8 +100,17 @@ class Renderer {
 
   FullscreenPass screen_;
   BodyPass body_;
-  SurfaceLayer opaque_;
-  AbsorbingSurfaces absorbing_;
+  SurfaceLayer opaque_;  ///< implants first
+  AbsorbingSurfaces absorbing_, absorbing_implants_;
+  std::vector<Surface> implants_;
+  /// What the implants attenuate in a view, and in which part of it.
+  struct ImplantPicture {
+    View view;
+    ScreenBox box;
+    std::vector<float> tau;
+  };
+  std::optional<ImplantPicture> implant_picture_;
+  ScreenBox absorbed_box_;  ///< of the last frame
   gl::Target shade_, surface_depth_, depth_, absorbed_, offscreen_tau_, offscreen_grey_;
 };
 

@@ -85,6 +85,17 @@ void check_motion(const ExportRequest& request) {
   check(rhythm_of(request));
 }
 
+/// What the program says of its objects has been said where it opened them.
+std::vector<Surface> implants_of(const ViewSession& session) {
+  std::vector<std::string> said;
+  std::vector<Surface> implants = surfaces_of(read_implants(session.implants, said));
+  for (const Surface& implant : implants)
+    if (implant.mesh.triangles.size() > kMostWebTriangles)
+      throw InputError("an object of {} triangles, but an export holds at most {}; simplify its surface",
+                       implant.mesh.triangles.size(), kMostWebTriangles);
+  return implants;
+}
+
 void check_vessels(const Surface& vessels, const BodyBounds& bounds, const std::string& name) {
   if (vessels.mesh.triangles.size() > kMostWebTriangles)
     throw InputError("{}: {} triangles, but an export holds at most {}; segment again with fewer `triangles`",
@@ -213,6 +224,7 @@ ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const
     request.catheters = steered_surfaces(*session.steered);
   else if (!session.catheter.empty())
     request.catheters = {read_small_catheter(session.catheter)};
+  request.implants = implants_of(session);
   request.shows_vessels = !session.steered;
   request.shows_road_map = session.steered && session.steered->has_road_map;
   return request;
@@ -271,6 +283,7 @@ ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
   if (run.body.motion)
     for (const MotionMode& mode : run.body.motion->modes()) request.live->modes.push_back(mode.name);
   if (request.map->keys) request.body = run.body;
+  request.implants = implants_of(session);
   request.pose = pose;
   request.is_of_session = true;
   request.shows_vessels = false;

@@ -52,6 +52,7 @@ struct ExportRequest {
   BodyRequest body{};
   std::optional<Surface> vessels{};  ///< in the scan
   std::vector<Surface> catheters{};  ///< that do not move
+  std::vector<Surface> implants{};   ///< objects, which do not move either
   std::optional<RecordedRun> run{};
   std::optional<LiveRun> live{};
   std::optional<TrainerSetup> trainer{};     ///< with `live`: the page simulates its run itself

@@ -205,6 +205,7 @@ std::string gltf_binary(const ExportRequest& session) {
   GltfScene scene(session.title);
   if (session.vessels) scene.add("vessels", session.vessels->mesh, session.vessels->colour);
   for (const Surface& catheter : session.catheters) scene.add("catheter", catheter.mesh, catheter.colour);
+  for (const Surface& implant : session.implants) scene.add("object", implant.mesh, implant.colour);
   if (session.run) add_instruments(*session.run, scene);
   const BodyBounds bounds = bounds_of(session.map->geometry);
   const glm::dvec3 half_mm(0, 0, bounds.half_height_mm);

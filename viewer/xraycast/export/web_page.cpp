@@ -173,10 +173,12 @@ PageJson add_surface(const Surface& surface, const std::string& name, Parts& par
           {"colour", list(surface.colour)},           {"tube_sides", surface.tube_sides}};
 }
 
+/// Catheters and objects that do not move.
 PageJson add_catheters(const ExportRequest& session, Parts& parts) {
   PageJson catheters = PageJson::array();
-  for (const Surface& catheter : session.catheters)
-    catheters.push_back(add_surface(catheter, fmt::format("catheter_{}", catheters.size()), parts));
+  for (const auto& surfaces : {session.catheters, session.implants})
+    for (const Surface& surface : surfaces)
+      catheters.push_back(add_surface(surface, fmt::format("catheter_{}", catheters.size()), parts));
   return catheters;
 }
 

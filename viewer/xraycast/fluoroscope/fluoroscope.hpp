@@ -25,7 +25,7 @@ struct FluoroscopyFrame {
 /// A frame's optical depths as its detector measured them, up to a constant: for subtraction.
 std::vector<float> measured_depths(const FluoroscopyFrame& frame);
 
-/// A fluoroscope from the X-ray tube to the display, with its own memory: lag, recursive filter, exposure
+/// A fluoroscope from the X-ray tube to the display, with its own memory: lag, temporal filter, exposure
 /// control and dose. Pictures are functions of the options, the rays and the pulses before, whatever the
 /// number of threads.
 class Fluoroscope {
@@ -47,13 +47,13 @@ class Fluoroscope {
 
   /// Takes effect with the next pulse. Throws as the constructor, and then changes nothing. A view of another
   /// size or zoom clears what earlier frames left; one that the C-arm cannot have turned to meanwhile begins
-  /// the display's recursive filter anew.
+  /// the display's temporal filter anew.
   void set_view(const View& view);
 
   /// Another map's. Takes effect with the next pulse.
   void set_path(WaterPath path);
 
-  /// The next pulse is the first one after a pause: lag has decayed, and the display's recursive filter
+  /// The next pulse is the first one after a pause: lag has decayed, and the display's temporal filter
   /// begins anew.
   void begin_run(double pause_s);
 

@@ -11,7 +11,7 @@ struct FluoroscopyStages {
   bool lag = true;          ///< charge of earlier frames
   bool electronics = true;  ///< electronic noise, gain, bits and saturation
   bool scatter = true;
-  bool display = true;  ///< edge enhancement and recursive filter
+  bool display = true;  ///< edge enhancement and temporal filter
 
   /// `quanta,blur`, or `none`. Throws InputError listing the stages.
   static FluoroscopyStages from_list(const std::string& list);

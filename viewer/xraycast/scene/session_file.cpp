@@ -181,6 +181,36 @@ std::map<std::string, double> instant_of(const Fields& fields) {
   return instant;
 }
 
+/// Files are named relative to `folder`.
+Json implants_to_json(const std::vector<ImplantRequest>& implants, const fs::path& folder) {
+  const auto relative = [&](const fs::path& file) {
+    return fs::absolute(file).lexically_relative(folder).string();
+  };
+  Json all = Json::array();
+  for (const ImplantRequest& implant : implants) {
+    Json json{{"surface", relative(implant.mesh)}, {"material", implant.material}};
+    if (implant.g_cm3) json["density_g_cm3"] = *implant.g_cm3;
+    if (!implant.pose.empty()) json["pose"] = relative(implant.pose);
+    all.push_back(std::move(json));
+  }
+  return all;
+}
+
+std::vector<ImplantRequest> implants_of(const Fields& session, const fs::path& folder) {
+  std::vector<ImplantRequest> implants;
+  const auto place = [&](const Fields& fields, const char* name) {
+    return (folder / fields.get<std::string>(name)).lexically_normal();
+  };
+  for (std::size_t i = 0; i < session.value("objects").size(); ++i) {
+    const Fields fields(session.value("objects")[i], fmt::format("{}: objects[{}]", session.name(), i));
+    ImplantRequest implant{place(fields, "surface"), fields.get<std::string>("material")};
+    if (fields.has("density_g_cm3")) implant.g_cm3 = fields.number("density_g_cm3", 0.01, 25);
+    if (fields.has("pose")) implant.pose = place(fields, "pose");
+    implants.push_back(std::move(implant));
+  }
+  return implants;
+}
+
 ViewSession read_fields(const fs::path& path) {
   const std::string name = path.string();
   const nlohmann::json json = parse_json(read_whole_file(path), name);
@@ -205,6 +235,7 @@ ViewSession read_fields(const fs::path& path) {
   }
   if (fields.has("contrast_mg_ml"))
     session.contrast_mg_ml = fields.number("contrast_mg_ml", 0, kMaxContrast_mg_ml);
+  if (fields.has("objects")) session.implants = implants_of(fields, fs::absolute(path).parent_path());
   if (fields.has("simulation")) session.steered = steered_of(fields.at("simulation"));
   session.pose = pose_of(fields.at("camera"));
   session.style = style_of(fields.at("style"));
@@ -223,6 +254,7 @@ void write_session(const ViewSession& session, const fs::path& path) {
   for (const auto& [name, file] : files_of(session))
     if (!file->empty()) json["files"][name] = fs::absolute(*file).lexically_relative(folder).string();
   json["contrast_mg_ml"] = session.contrast_mg_ml;
+  if (!session.implants.empty()) json["objects"] = implants_to_json(session.implants, folder);
   if (session.steered) json["simulation"] = steered_to_json(*session.steered);
   json["camera"] = pose_to_json(session.pose);
   const Style& style = session.style;

@@ -3,6 +3,7 @@
 #include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
+#include "xraycast/scene/implant.hpp"
 #include "xraycast/scene/scene.hpp"
 
 #include <glm/vec3.hpp>
@@ -34,6 +35,7 @@ struct SteeredInstruments {
 struct ViewSession {
   std::filesystem::path map, basis, scan, vessels, catheter;
   double contrast_mg_ml = kUsualContrast_mg_ml;  ///< iodine in the vessels' blood
+  std::vector<ImplantRequest> implants{};        ///< objects in the body, which do not move
   std::optional<SteeredInstruments> steered{};   ///< instead of vessels and catheter
   CArmPose pose{};
   Style style{};

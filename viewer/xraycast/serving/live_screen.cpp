@@ -34,6 +34,7 @@ std::vector<std::uint16_t> fine_greys(const std::vector<float>& tau, const std::
 LiveScreen::LiveScreen(std::shared_ptr<const BodyMap> map, const Options& options)
     : map_(std::move(map)), options_(options) {
   renderer_.set_map(map_);
+  renderer_.set_implants(options_.implants);
   if (!options_.fluoroscopy) return;
   options_.style.pixels_per_column = kLivePixelsPerColumn;
   console_.emplace(*options_.fluoroscopy);

@@ -21,8 +21,9 @@ class LiveScreen final : public LivePainter {
   struct Options {
     View view;  ///< complete; the whole of it is turned and moved by the pose
     Style style{};
-    bool has_window = false;  ///< style.window was chosen; otherwise it is automatic, for each view
-    bool is_fine = false;     ///< pictures have 16 bits instead of 8
+    bool has_window = false;          ///< style.window was chosen; otherwise it is automatic, for each view
+    std::vector<Surface> implants{};  ///< objects in the body, which do not move
+    bool is_fine = false;             ///< pictures have 16 bits instead of 8
     std::optional<FluoroscopyOptions> fluoroscopy{};
   };
 

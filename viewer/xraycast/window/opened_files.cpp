@@ -71,6 +71,13 @@ void open_catheter(OpenedFiles& opened, const OpenedFiles& before) {
                           : std::make_shared<Surface>(read_catheter(session.catheter));
 }
 
+void open_implants(OpenedFiles& opened, const OpenedFiles& before) {
+  opened.implants = before.implants && opened.session.implants == before.session.implants
+                        ? before.implants
+                        : std::make_shared<const std::vector<Surface>>(
+                              surfaces_of(read_implants(opened.session.implants, opened.warnings)));
+}
+
 void open_map_and_basis(OpenedFiles& opened, const OpenedFiles& before, bool is_same_scan,
                         const std::string& device) {
   const ViewSession &session = opened.session, &last = before.session;
@@ -123,6 +130,7 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
   const bool is_same_scan = session.scan == before.session.scan && before.scan;
   open_vessels(opened, before);
   open_catheter(opened, before);
+  open_implants(opened, before);
   open_map_and_basis(opened, before, is_same_scan, device);
   if (is_same_scan && opened.map) {
     check_scan(opened, before.scan->scan->native.geometry());

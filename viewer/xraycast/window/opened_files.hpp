@@ -40,11 +40,12 @@ struct OpenedFiles {
   std::shared_ptr<ScanOnDevice> scan;
   std::shared_ptr<RecastOnDevice> recast;
   std::shared_ptr<const Surface> vessels, catheter;
-  std::vector<Surface> steered;                        ///< instead of a catheter: simulated instruments
-  std::shared_ptr<const VesselTree> tree;              ///< of the vessels' folder, where it has one
-  std::shared_ptr<const Motion> motion;                ///< of a map that moves, where its file is known
-  std::shared_ptr<const MovingPoints> moving_vessels;  ///< the points of `vessels` by that motion
-  std::vector<std::string> warnings;                   ///< of a scan that was opened, one line each
+  std::vector<Surface> steered;                          ///< instead of a catheter: simulated instruments
+  std::shared_ptr<const std::vector<Surface>> implants;  ///< never null once opened
+  std::shared_ptr<const VesselTree> tree;                ///< of the vessels' folder, where it has one
+  std::shared_ptr<const Motion> motion;                  ///< of a map that moves, where its file is known
+  std::shared_ptr<const MovingPoints> moving_vessels;    ///< the points of `vessels` by that motion
+  std::vector<std::string> warnings;                     ///< of a scan that was opened, one line each
 };
 
 /// Opens the files of a session, on a worker's thread; contents that `before` has read from the same files

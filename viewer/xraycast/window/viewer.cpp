@@ -154,6 +154,7 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   for (const auto& surface : {opened_.vessels, opened_.catheter})
     if (surface && !intervention_) surfaces.push_back(*surface);
   if (!intervention_) std::ranges::copy(opened_.steered, std::back_inserter(surfaces));
+  renderer_.set_implants(*opened_.implants);
   renderer_.set_surfaces(surfaces);
   shown_surfaces_ = 0;
   std::vector<std::string> notes = opened_.warnings;

@@ -1,0 +1,39 @@
+#pragma once
+
+#include "xraycast/display/cell_ramps.hpp"
+
+namespace xraycast {
+
+/// Averages a display's frames over time, so that their noise falls, except where something moves: a wire
+/// that has moved would leave most of its contrast behind.
+///
+/// What moves is found in the difference from the average so far, summed over 3 x 3 pixels, as lines of some
+/// 17 pixels in eight directions: a wire adds up along them, and noise does not. The measure is how much of a
+/// line there is nearby, of noise, so that it needs neither dose nor contrast.
+class TemporalFilter {
+ public:
+  explicit TemporalFilter(const PictureSize& size);
+
+  /// The next frame is shown as it is.
+  void forget() { is_first_ = true; }
+
+  /// The next frame, one value a pixel.
+  void add(const PixelPlane& frame);
+
+  const PixelPlane& average() const { return average_; }
+
+ private:
+  void subtract(const PixelPlane& frame);
+  void find_lines();
+
+  PictureSize size_;
+  CellRamps ramps_;
+  bool is_first_ = true;
+  PixelPlane average_;
+  PixelPlane difference_;  ///< with a margin of pixels of 0
+  PixelPlane summed_;      ///< it over 3 x 3 pixels, with a margin of kLineReach pixels of 0
+  PixelPlane lines_;       ///< the strongest line through each pixel
+  PixelPlane usual_;       ///< the mean of it in each cell
+};
+
+}  // namespace xraycast
