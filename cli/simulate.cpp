@@ -272,8 +272,10 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   Json result = json_of(run, request, options, wall_s);
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
+  for (const std::string& note : run.notes) pictures += note + "\n";
   if (is_monitored) result["report"] = Json::parse(monitor->json(false));
-  if (exercise) pictures = in_words(*monitor->progress()) + "\n";
+  if (exercise) pictures += in_words(*monitor->progress()) + "\n";
+  for (const Treatment& treatment : run.treatments) pictures += in_words(treatment, *request.tree) + "\n";
   if (const auto exposure = cine ? cine->exposure() : std::nullopt) {
     result["fluoroscope"] = to_json(*exposure);
     pictures += summary(*exposure);
@@ -288,12 +290,12 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   for (const fs::path& file : plots) pictures += fmt::format("{}: written\n", file.string());
   for (const std::string& file : {options.cine, options.report})
     if (!file.empty()) pictures += fmt::format("{}: written\n", file);
-  invocation.report(result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
-                                        "entry: end of {}; {}\n{}{}",
-                                        options.log, pluralize(run.records.size(), "row"), simulated_s,
-                                        wall_s, simulated_s / std::max(wall_s, 1e-9),
-                                        text_of(*request.tree, run.entry), text_of(run.last, *request.tree),
-                                        run.notes.empty() ? "" : run.notes.front() + "\n", pictures));
+  invocation.report(result,
+                    fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
+                                "entry: end of {}; {}\n{}",
+                                options.log, pluralize(run.records.size(), "row"), simulated_s, wall_s,
+                                simulated_s / std::max(wall_s, 1e-9), text_of(*request.tree, run.entry),
+                                text_of(run.last, *request.tree), pictures));
 }
 
 }  // namespace
@@ -320,7 +322,9 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       "  xraycast simulate thorax-truth --exercise examples/exercises/1-left-renal.json -o log.csv \\\n"
       "    --report run.html\n"
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
-      "second instrument also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
+      "second instrument also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer. "
+      "Balloons,\n"
+      "such as that of balloon-6x20, have the columns inflation_bar and inflation_2_bar.",
       [options, &invocation] { simulate(*options, invocation); });
   options->command = command;
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")

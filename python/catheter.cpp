@@ -35,7 +35,7 @@ struct State {
 
 /// How far each instrument's hub moves.
 struct HubMoves {
-  std::vector<double> push_mm, turn_rad;
+  std::vector<double> push_mm, turn_rad, inflate_bar;
 };
 
 /// Coaxial instruments, or one alone, moved by one thread at a time.
@@ -61,7 +61,8 @@ class HeldInstruments {
       const double share = static_cast<double>(i) / steps;
       for (std::size_t d = 0; d < count(); ++d)
         poses[d] = {starts[d].insertion_mm + share * moves.push_mm[d],
-                    starts[d].rotation_rad + share * moves.turn_rad[d]};
+                    starts[d].rotation_rad + share * moves.turn_rad[d],
+                    starts[d].inflation_bar + share * moves.inflate_bar[d]};
       instruments_.step(poses, next_phases());
       monitor_.add(instruments_);
       constexpr std::chrono::milliseconds kLookInterval{50};
@@ -248,17 +249,19 @@ std::vector<State> move_by(HeldInstruments& instruments, HubMoves moves, int ms)
 }
 
 std::vector<State> move_hubs(HeldInstruments& instruments, const ArrayArgument& push_mm,
-                             const ArrayArgument& turn_deg, int ms) {
-  return move_by(instruments,
-                 {moves_of(push_mm, instruments.count(), "push_mm"),
-                  moves_of(turn_deg, instruments.count(), "turn_deg")},
-                 ms);
+                             const ArrayArgument& turn_deg, int ms, const ArrayArgument& inflate_bar) {
+  return move_by(
+      instruments,
+      {moves_of(push_mm, instruments.count(), "push_mm"), moves_of(turn_deg, instruments.count(), "turn_deg"),
+       moves_of(inflate_bar, instruments.count(), "inflate_bar")},
+      ms);
 }
 
-State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) {
+State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms, double inflate_bar) {
   if (!std::isfinite(push_mm)) throw InputError("push_mm: must be finite");
   if (!std::isfinite(turn_deg)) throw InputError("turn_deg: must be finite");
-  return move_by(catheter.held, {{push_mm}, {turn_deg}}, ms).front();
+  if (!std::isfinite(inflate_bar)) throw InputError("inflate_bar: must be finite");
+  return move_by(catheter.held, {{push_mm}, {turn_deg}, {inflate_bar}}, ms).front();
 }
 
 /// Throws InputError for an instrument that there is not.
@@ -325,7 +328,13 @@ void add_state(nb::module_& module) {
           "What the tip's place shows: tip_mm, but in a body that moves the scan's, where the tree lies.")
       .def_prop_ro(
           "wall_work_J", [](const State& s) { return s.record.wall_work_J; },
-          "What the moving wall has done on the instrument so far.")
+          "What moving walls, walls that yield and its balloon have done on the instrument so far.")
+      .def_prop_ro(
+          "balloon_bar", [](const State& s) { return s.record.balloon_bar; },
+          "The pressure in its balloon, as far as it is filled.")
+      .def_prop_ro(
+          "balloon_mm", [](const State& s) { return s.record.balloon_mm; },
+          "The diameter of its balloon; 0 without one.")
       .def_prop_ro(
           "phases", [](const State& s) { return s.record.phases; },
           "The phases of the motion's modes, in order; none in a still body.")
@@ -380,10 +389,12 @@ void add_instruments(nb::module_& module) {
            nb::arg("exercise") = nb::none(),
            "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry, "
            "motion, phase, exercise: as Catheter's.")
-      .def("step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
-           nb::arg("ms") = 1,
-           "Moves each hub by its numbers in push_mm and turn_deg, evenly over `ms` steps of 1 ms, and "
-           "returns a CatheterState for each instrument.")
+      .def(
+          "step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
+          nb::arg("ms") = 1, nb::kw_only(), nb::arg("inflate_bar") = nb::none(),
+          "Moves each hub by its numbers in push_mm and turn_deg, and changes the pressure of its balloon by "
+          "that in inflate_bar, evenly over `ms` steps of 1 ms, and returns a CatheterState for each "
+          "instrument.")
       .def("hold", hold_mode, nb::arg("mode"), nb::arg("is_held") = true, kHoldHelp)
       .def("report", instruments_report, nb::arg("series") = false, kReportHelp)
       .def_prop_ro("states", &HeldInstruments::states, nb::call_guard<nb::gil_scoped_release>())
@@ -444,8 +455,9 @@ void add_catheter(nb::module_& module) {
            "exercise: a file of a task (docs/exercises.md), which report() tells of, and whose entry is the "
            "default.")
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
-           "Moves the hub by push_mm and turn_deg, evenly over `ms` steps of 1 ms, and returns the "
-           "CatheterState.")
+           nb::kw_only(), nb::arg("inflate_bar") = 0.0,
+           "Moves the hub by push_mm and turn_deg, and changes the pressure of its balloon by inflate_bar, "
+           "evenly over `ms` steps of 1 ms, and returns the CatheterState.")
       .def(
           "hold",
           [](HeldCatheter& c, const std::string& mode, bool is_held) { hold_mode(c.held, mode, is_held); },

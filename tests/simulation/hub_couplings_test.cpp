@@ -24,7 +24,7 @@ class Pair {
       const auto targets = couplings.step(hubs, loads, kStep_s);
       for (std::size_t hub = 0; hub < 2; ++hub) {
         MovingHub moving{.pose = hubs[hub]};
-        moving.approach(targets[hub], loads[hub].force_N, kLongest_mm, kStep_s);
+        moving.approach(targets[hub], loads[hub].force_N, {.insertion_mm = kLongest_mm}, kStep_s);
         fastest_mm_s =
             std::max(fastest_mm_s, std::abs(moving.pose.insertion_mm - hubs[hub].insertion_mm) / kStep_s);
         hubs[hub] = moving.pose;

@@ -50,6 +50,31 @@ TEST(SavedRun, HasWhatWasReported) {
   EXPECT_EQ(run.curves[0].at("force_N").size(), 3);
 }
 
+const char* const kTreatments =
+    R"(, "treatments": [{"device": "balloon-6x20", "vessel": "left renal artery", "from_s": 4, "to_s": null,
+  "least_before_mm": 2.5, "least_after_mm": 5.9, "residual_stenosis_percent": 1.5, "branch": 17}])";
+
+TEST(SavedRun, HasWhatWasDoneToVessels) {
+  const SavedRun run = SavedRun::parse(report(12.5, kTreatments), "mine");
+  EXPECT_THAT(run.treatments, testing::ElementsAre("balloon-6x20 in left renal artery"));
+  ASSERT_EQ(run.of_treatments.size(), 1u);
+  EXPECT_EQ(run.of_treatments[0].at("least_after_mm"), 5.9);
+  EXPECT_FALSE(run.of_treatments[0].contains("to_s")) << "it goes on";
+  write_runs(file("treated.csv"), {run, SavedRun::parse(report(1), "without")});
+  const std::string csv = read_whole_file(file("treated.csv"));
+  EXPECT_THAT(csv, HasSubstr("treatment_1,treatment_1_from_s,treatment_1_to_s,"));
+  EXPECT_THAT(csv, HasSubstr(",\"balloon-6x20 in left renal artery\",4,,"));
+  EXPECT_EQ(
+      std::count(csv.begin(), csv.begin() + static_cast<std::ptrdiff_t>(csv.find('\n')), ','),
+      std::count(csv.begin() + static_cast<std::ptrdiff_t>(csv.rfind('\n', csv.size() - 2)), csv.end(), ','))
+      << "as many columns in the row of the run without";
+  write_runs(file("treated.html"), {run});
+  const std::string page = read_whole_file(file("treated.html"));
+  EXPECT_THAT(page, HasSubstr("residual stenosis"));
+  EXPECT_THAT(page, HasSubstr("<td>5.90 mm</td>"));
+  EXPECT_THROW(SavedRun::parse(report(1, R"(, "treatments": [3])"), "bad"), InputError);
+}
+
 TEST(SavedRun, RefusesWhatIsNone) {
   for (const std::string& text :
        {std::string("{"), std::string("[]"), std::string("{}"), report(1, R"(, "series": {"time_s": 3})"),

@@ -263,8 +263,8 @@ xrc_status xrc_get_tip_in_scan(const xrc_simulation* simulation, size_t instrume
 
 xrc_status xrc_get_hub(const xrc_simulation* simulation, size_t instrument, xrc_hub* hub) {
   return status_of([&] {
-    const auto [insertion_mm, rotation_rad] = with(simulation, instrument).instruments.pose(instrument);
-    given(hub, "hub") = {insertion_mm, rotation_rad};
+    const HubPose& pose = with(simulation, instrument).instruments.pose(instrument);
+    given(hub, "hub") = {pose.insertion_mm, pose.rotation_rad};
   });
 }
 

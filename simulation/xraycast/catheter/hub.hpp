@@ -9,8 +9,9 @@ inline constexpr std::size_t kMaxHubs = 3;
 
 /// The pose of the hub, the catheter's outer end, which the hand holds.
 struct HubPose {
-  double insertion_mm = 0;  ///< length fed through the introducer; positive into the body
-  double rotation_rad = 0;  ///< about the direction of insertion, right-handed; adds up over whole turns
+  double insertion_mm = 0;   ///< length fed through the introducer; positive into the body
+  double rotation_rad = 0;   ///< about the direction of insertion, right-handed; adds up over whole turns
+  double inflation_bar = 0;  ///< pressure in the instrument's balloon above the blood's; 0: it is folded
 };
 
 /// Force and torque on the hand at the hub, in SI units.
@@ -23,6 +24,8 @@ struct HubLoad {
 struct MovingHub {
   // It moves no faster than a hand; a pose further ahead is approached at these speeds.
   static constexpr double kMaxSpeed_mm_s = 300, kMaxSpeed_rad_s = 30;
+  /// Of an inflation device, that is turned or, to deflate, drawn back: chosen.
+  static constexpr double kMaxInflation_bar_s = 10;
 
   /// Against a larger force an instrument buckles outside the introducer or slips through the fingers: the
   /// hub does not advance.
@@ -31,8 +34,8 @@ struct MovingHub {
   HubPose pose;
   bool is_held = false;  ///< it does not advance, because of the force
 
-  /// A step towards a pose, whose insertion is clamped to 0 to the largest.
-  void approach(const HubPose& target, double force_N, double max_insertion_mm, double step_s);
+  /// A step towards a pose, whose insertion and pressure are clamped to 0 to the largest.
+  void approach(const HubPose& target, double force_N, const HubPose& largest, double step_s);
 };
 
 }  // namespace xraycast

@@ -35,13 +35,14 @@ double softened_length(const Vector3d& v) {
 LumenDistanceField::LumenDistanceField(const VesselTree& tree, const VesselEnd* opening,
                                        double opening_length_mm) {
   const auto& vessels = tree.branches();
-  branches_.reserve(vessels.size());
+  std::vector<Branch> branches;
   for (int i = 0; i < static_cast<int>(vessels.size()); ++i)
-    add_branch(vessels[static_cast<std::size_t>(i)], opening && opening->branch == i ? opening : nullptr,
-               opening_length_mm);
+    branches.push_back(branch_of(vessels[static_cast<std::size_t>(i)],
+                                 opening && opening->branch == i ? opening : nullptr, opening_length_mm));
   for (int i = 0; i < static_cast<int>(vessels.size()); ++i)
     if (const auto& children = vessels[static_cast<std::size_t>(i)].children; !children.empty())
-      add_bifurcation(i, children);
+      add_bifurcation(branches, i, children);
+  for (Branch& branch : branches) branches_.push_back(std::make_shared<const Branch>(std::move(branch)));
 }
 
 /// A vessel's points at even steps, as fine as its radius requires.
@@ -66,9 +67,9 @@ std::vector<VesselPoint> LumenDistanceField::resampled(const VesselBranch& vesse
   return points;
 }
 
-void LumenDistanceField::add_branch(const VesselBranch& vessel, const VesselEnd* opening,
-                                    double opening_length_mm) {
-  Branch& branch = branches_.emplace_back();
+LumenDistanceField::Branch LumenDistanceField::branch_of(const VesselBranch& vessel, const VesselEnd* opening,
+                                                         double opening_length_mm) {
+  Branch branch;
   branch.blend_mm = kMaxBlend_mm;
   std::vector<VesselPoint> points = resampled(vessel);
   branch.arc_length_mm = vessel.arc_length_mm.back();
@@ -84,32 +85,65 @@ void LumenDistanceField::add_branch(const VesselBranch& vessel, const VesselEnd*
     if (opening->at_start) branch.arc_offset_mm = branch.step_mm * more;
   }
   const std::size_t last = points.size() - 1;
+  branch.lower_mm = branch.upper_mm = to_eigen(points.front().position_mm);
+  std::vector<double> radii_mm;
   for (std::size_t k = 0; k <= last; ++k) {
     const glm::dvec3 along =
         points[std::min(k + 1, last)].position_mm - points[k > 0 ? k - 1 : 0].position_mm;
-    branch.stations.push_back(
-        {to_eigen(points[k].position_mm), to_eigen(along).normalized(), points[k].radius_mm,
-         k > 0 && k < last ? 0.5 * (points[k + 1].radius_mm - points[k - 1].radius_mm) : 0});
+    branch.stations.push_back({to_eigen(points[k].position_mm), to_eigen(along).normalized(), 0, 0});
+    branch.lower_mm = branch.lower_mm.cwiseMin(branch.stations.back().centre_mm);
+    branch.upper_mm = branch.upper_mm.cwiseMax(branch.stations.back().centre_mm);
+    radii_mm.push_back(points[k].radius_mm);
   }
-  add_pieces(branch);
-  branch.lower_mm = branch.upper_mm = branch.stations.front().centre_mm;
-  for (const Station& station : branch.stations) {
-    branch.lower_mm = branch.lower_mm.cwiseMin(station.centre_mm);
-    branch.upper_mm = branch.upper_mm.cwiseMax(station.centre_mm);
-    branch.max_radius_mm = std::max(branch.max_radius_mm, station.radius_mm);
-  }
+  take_radii(branch, radii_mm);
+  return branch;
 }
 
-void LumenDistanceField::add_bifurcation(int parent, const std::vector<int>& children) {
+/// And makes the pieces between stations of them.
+void LumenDistanceField::take_radii(Branch& branch, std::span<const double> radii_mm) {
+  const std::size_t last = branch.stations.size() - 1;
+  branch.max_radius_mm = branch.max_change_mm = 0;
+  branch.pieces.clear();
+  for (std::size_t k = 0; k <= last; ++k) {
+    Station& station = branch.stations[k];
+    station = {station.centre_mm, station.tangent, radii_mm[k],
+               k > 0 && k < last ? 0.5 * (radii_mm[k + 1] - radii_mm[k - 1]) : 0};
+    branch.max_radius_mm = std::max(branch.max_radius_mm, station.radius_mm);
+  }
+  add_pieces(branch);
+}
+
+int LumenDistanceField::station_count(int branch) const {
+  return static_cast<int>(branch_at(branch).stations.size());
+}
+
+double LumenDistanceField::station_arc_mm(int branch, int station) const {
+  return branch_at(branch).step_mm * station - branch_at(branch).arc_offset_mm;
+}
+
+double LumenDistanceField::station_radius_mm(int branch, int station) const {
+  return branch_at(branch).stations[static_cast<std::size_t>(station)].radius_mm;
+}
+
+LumenDistanceField LumenDistanceField::with_radii(int branch, std::span<const double> radii_mm) const {
+  Branch changed = branch_at(branch);
+  take_radii(changed, radii_mm);
+  LumenDistanceField field = *this;
+  field.branches_[static_cast<std::size_t>(branch)] = std::make_shared<const Branch>(std::move(changed));
+  return field;
+}
+
+void LumenDistanceField::add_bifurcation(std::vector<Branch>& branches, int parent,
+                                         const std::vector<int>& children) {
   const auto index = static_cast<int>(bifurcations_.size());
-  Branch& stem = branches_[static_cast<std::size_t>(parent)];
+  Branch& stem = branches[static_cast<std::size_t>(parent)];
   stem.end_bifurcation = index;
   Bifurcation bifurcation;
   bifurcation.position_mm = stem.stations.back().centre_mm;
   bifurcation.branches.push_back(parent);
   double max_radius_mm = stem.stations.back().radius_mm, min_radius_mm = max_radius_mm;
   for (const int child : children) {
-    Branch& branch = branches_[static_cast<std::size_t>(child)];
+    Branch& branch = branches[static_cast<std::size_t>(child)];
     branch.start_bifurcation = index;
     bifurcation.branches.push_back(child);
     max_radius_mm = std::max(max_radius_mm, branch.stations.front().radius_mm);
@@ -119,7 +153,7 @@ void LumenDistanceField::add_bifurcation(int parent, const std::vector<int>& chi
   bifurcation.merge_radius_mm = 4 * max_radius_mm;
   bifurcation.search_radius_mm = 6 * max_radius_mm;
   for (const int branch : bifurcation.branches) {
-    double& blend_mm = branches_[static_cast<std::size_t>(branch)].blend_mm;
+    double& blend_mm = branches[static_cast<std::size_t>(branch)].blend_mm;
     blend_mm = std::min(blend_mm, 0.25 * min_radius_mm);
   }
   bifurcations_.push_back(std::move(bifurcation));
@@ -216,7 +250,7 @@ LumenDistanceField::Place LumenDistanceField::find_place(const Branch& branch, i
 
 LumenDistanceField::Projection LumenDistanceField::project(int index, int from,
                                                            const Vector3d& point_mm) const {
-  const Branch& branch = branches_[static_cast<std::size_t>(index)];
+  const Branch& branch = branch_at(index);
   const Place place = find_place(branch, from, point_mm);
   Projection best = place.is_end() ? project_onto_end(branch, !place.is_first_end, point_mm)
                                    : project_onto_piece(branch, place.piece, place.bracket, point_mm);
@@ -227,7 +261,7 @@ LumenDistanceField::Projection LumenDistanceField::project(int index, int from,
 /// What a projection onto a place lacks.
 void LumenDistanceField::complete(int index, const Place& place, const Vector3d& point_mm,
                                   Projection& best) const {
-  const Branch& branch = branches_[static_cast<std::size_t>(index)];
+  const Branch& branch = branch_at(index);
   best.hint = {index, place.piece};
   search_folds(branch, place.piece, point_mm, best);
   best.blend_mm = branch.blend_mm;
@@ -384,8 +418,8 @@ void LumenDistanceField::sample_group(const Group& group) const {
     const std::size_t from = k < group.count ? k : 0;
     queries[k] = group.queries[from];
     brackets[k] = &group.places[from].bracket;
-    pieces[k] = &branches_[static_cast<std::size_t>(queries[k]->from.branch)]
-                     .pieces[static_cast<std::size_t>(group.places[from].piece)];
+    pieces[k] =
+        &branch_at(queries[k]->from.branch).pieces[static_cast<std::size_t>(group.places[from].piece)];
   }
   const PieceProjections<Lanes> projections(
       Pieces<Lanes>::of(pieces), gathered<Lanes, Bracket>(brackets, [](const Bracket& b) { return b.low; }),
@@ -396,7 +430,7 @@ void LumenDistanceField::sample_group(const Group& group) const {
           queries, [](const Query& q) -> auto& { return q.point_mm; }));
   for (std::size_t k = 0; k < group.count; ++k) {
     const Query& query = *group.queries[k];
-    const Branch& branch = branches_[static_cast<std::size_t>(query.from.branch)];
+    const Branch& branch = branch_at(query.from.branch);
     Projection own = projections.lane_projection(branch, group.places[k].piece, k);
     complete(query.from.branch, group.places[k], query.point_mm, own);
     *query.sample = with_neighbours(own, query.point_mm);
@@ -406,8 +440,7 @@ void LumenDistanceField::sample_group(const Group& group) const {
 void LumenDistanceField::sample(std::span<const Query> queries) const {
   Group group;
   for (const Query& query : queries) {
-    const Place place = find_place(branches_[static_cast<std::size_t>(query.from.branch)], query.from.segment,
-                                   query.point_mm);
+    const Place place = find_place(branch_at(query.from.branch), query.from.segment, query.point_mm);
     if (place.is_end()) {
       *query.sample = at(query.point_mm, query.from);
       continue;
@@ -445,8 +478,7 @@ LumenDistanceField::Sample LumenDistanceField::at(const Vector3d& point_mm, cons
 LumenDistanceField::Sample LumenDistanceField::with_neighbours(const Projection& own,
                                                                const Vector3d& point_mm) const {
   const int branch = own.hint.branch;
-  if (!near_bifurcation(branches_[static_cast<std::size_t>(branch)], point_mm))
-    return sample_of(own.clearance_mm(), own.gradient, own);
+  if (!near_bifurcation(branch_at(branch), point_mm)) return sample_of(own.clearance_mm(), own.gradient, own);
   Candidates candidates;
   candidates.add(own, {0, Vector3d::Zero(), Matrix3d::Zero()});
   add_neighbours(branch, point_mm, candidates);
@@ -475,7 +507,7 @@ void LumenDistanceField::add_neighbours(int own_branch, const Vector3d& point_mm
   std::size_t count = 0;
   reached[count++] = {own_branch, -1, candidates.list[0].separation};
   for (std::size_t r = 0; r < count; ++r) {
-    const Branch& branch = branches_[static_cast<std::size_t>(reached[r].branch)];
+    const Branch& branch = branch_at(reached[r].branch);
     for (const int index : {branch.start_bifurcation, branch.end_bifurcation}) {
       if (index < 0 || index == reached[r].bifurcation) continue;
       const Bifurcation& bifurcation = bifurcations_[static_cast<std::size_t>(index)];
@@ -490,7 +522,7 @@ void LumenDistanceField::add_neighbours(int own_branch, const Vector3d& point_mm
         next.branch = other;
         reached[count++] = next;
         // Projected onto only where it can take part in the blend.
-        const Branch& vessel = branches_[static_cast<std::size_t>(other)];
+        const Branch& vessel = branch_at(other);
         const Projection& own = candidates.list[0].projection;
         if (candidates.count == kMaxCandidates ||
             max_clearance_mm(vessel, point_mm) - next.separation.distance_mm <
@@ -528,7 +560,7 @@ double LumenDistanceField::max_clearance_mm(const Branch& branch, const Vector3d
 
 /// Where to start the search in a branch: as far from the bifurcation as the point is.
 int LumenDistanceField::start_station(int index, int bifurcation, const Vector3d& point_mm) const {
-  const Branch& branch = branches_[static_cast<std::size_t>(index)];
+  const Branch& branch = branch_at(index);
   const double away_mm = (point_mm - bifurcations_[static_cast<std::size_t>(bifurcation)].position_mm).norm();
   const int steps = static_cast<int>(std::min(away_mm / branch.step_mm, 1e6));
   return branch.start_bifurcation == bifurcation ? steps
@@ -590,7 +622,7 @@ LumenDistanceField::Sample LumenDistanceField::blended(const Candidates& candida
 
 LumenDistanceField::Sample LumenDistanceField::sample_of(double clearance_mm, const Vector3d& gradient,
                                                          const Projection& projection) const {
-  const Branch& branch = branches_[static_cast<std::size_t>(projection.hint.branch)];
+  const Branch& branch = branch_at(projection.hint.branch);
   return {clearance_mm,
           gradient,
           projection.radius_mm,
@@ -620,12 +652,12 @@ LumenDistanceField::SearchHint LumenDistanceField::locate(const Vector3d& point_
   SearchHint best;
   double clearance_mm = -std::numeric_limits<double>::infinity();
   for (std::size_t b = 0; b < branches_.size(); ++b)
-    for (std::size_t k = 0; k < branches_[b].stations.size(); ++k) {
-      const Station& station = branches_[b].stations[k];
+    for (std::size_t k = 0; k < branches_[b]->stations.size(); ++k) {
+      const Station& station = branches_[b]->stations[k];
       const double here_mm = station.radius_mm - (point_mm - station.centre_mm).norm();
       if (here_mm <= clearance_mm) continue;
       clearance_mm = here_mm;
-      best = {static_cast<int>(b), static_cast<int>(std::min(k, branches_[b].stations.size() - 2))};
+      best = {static_cast<int>(b), static_cast<int>(std::min(k, branches_[b]->stations.size() - 2))};
     }
   return best;
 }

@@ -4,6 +4,7 @@
 #include "xraycast/geometry/vessel_tree.hpp"
 
 #include <Eigen/Core>
+#include <memory>
 #include <span>
 #include <variant>
 #include <vector>
@@ -66,6 +67,17 @@ class LumenDistanceField {
   /// The hint for a point without a previous one: the whole tree is searched for the sphere that reaches
   /// furthest beyond the point. Slow.
   SearchHint locate(const Eigen::Vector3d& point_mm) const;
+
+  /// Where a branch's radii are kept: at even steps of half its narrowest radius, 0.5 to 1.5 mm.
+  int branch_count() const { return static_cast<int>(branches_.size()); }
+  double arc_length_mm(int branch) const { return branch_at(branch).arc_length_mm; }
+  int station_count(int branch) const;
+  double station_arc_mm(int branch,
+                        int station) const;  ///< from the branch's first point; of an opening beyond
+  double station_radius_mm(int branch, int station) const;
+
+  /// The same vessels where one has other radii at its stations. Places on the centrelines keep their hints.
+  LumenDistanceField with_radii(int branch, std::span<const double> radii_mm) const;
 
  private:
   struct Station {
@@ -138,8 +150,10 @@ class LumenDistanceField {
   };
 
   static std::vector<VesselPoint> resampled(const VesselBranch& vessel);
-  void add_branch(const VesselBranch& vessel, const VesselEnd* opening, double opening_length_mm);
-  void add_bifurcation(int parent, const std::vector<int>& children);
+  static Branch branch_of(const VesselBranch& vessel, const VesselEnd* opening, double opening_length_mm);
+  static void take_radii(Branch& branch, std::span<const double> radii_mm);
+  void add_bifurcation(std::vector<Branch>& branches, int parent, const std::vector<int>& children);
+  const Branch& branch_at(int branch) const { return *branches_[static_cast<std::size_t>(branch)]; }
   static void add_pieces(Branch& branch);
   static Piece piece_from(const Branch& branch, std::size_t station);
   static void mark_folds(Branch& branch, std::size_t piece);
@@ -169,7 +183,7 @@ class LumenDistanceField {
   Sample with_neighbours(const Projection& own, const Eigen::Vector3d& point_mm) const;
   Sample sample_of(double clearance_mm, const Eigen::Vector3d& gradient, const Projection& projection) const;
 
-  std::vector<Branch> branches_;
+  std::vector<std::shared_ptr<const Branch>> branches_;  ///< shared by fields that differ in others
   std::vector<Bifurcation> bifurcations_;
 };
 

@@ -114,6 +114,7 @@ WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const 
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     contacts_[k].point = contact_point(k, rod.node_count());
     const Vector3d position_mm = contacts_[k].point.position_mm(rod.state());
+    states_[k].radius_mm = radius_mm_;
     states_[k].inside = fraction_inside(rod, contacts_[k].point);
     states_[k].hint = field_->locate(in_scan_mm(k, position_mm));
     sample_wall(k, position_mm);
@@ -134,6 +135,7 @@ void WallContact::node_added() {
   state.sampled_at_mm = states_.front().sampled_at_mm;
   state.scale = states_.front().scale;
   state.inside = states_.front().inside;
+  state.radius_mm = states_.front().radius_mm;
   states_.insert(states_.begin(), 2, state);
   if (body_) moving_.insert(moving_.begin(), 2, MovingPoint(moving_.front()));
 }
@@ -195,7 +197,8 @@ void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
 
 void WallContact::take_depth(std::size_t index) {
   Contact& contact = contacts_[index];
-  contact.depth_mm = states_[index].is_covered ? 0 : std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
+  contact.depth_mm =
+      states_[index].is_covered ? 0 : std::max(0.0, states_[index].radius_mm - contact.sample.clearance_mm);
 }
 
 /// False where the contact is up to date, or becomes so because the point is known to be clear of the wall.
@@ -210,7 +213,7 @@ bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
     return false;
   }
   const LumenDistanceField::Sample& sample = contacts_[index].sample;
-  const double clear_mm = sample.clearance_mm - radius_mm_;
+  const double clear_mm = sample.clearance_mm - states_[index].radius_mm;
   const double slope = kMaxSlope * states_[index].scale;
   if (sample.hint.branch == states_[index].hint.branch && clear_mm > 0 &&
       squared(slope) * moved_mm2 < squared(clear_mm)) {
@@ -244,6 +247,30 @@ void WallContact::take_answers() {
   for (std::size_t q = 0; q < asking_.size(); ++q) take_sample(asking_[q], queries_[q].point_mm);
 }
 
+/// Of a balloon that fills its vessel; none where it lies at one side of a wider one.
+double WallContact::pressing_N_mm(const Contact& contact, const FrictionState& state) const {
+  constexpr double kFills_mm = 0.05;
+  return contact.sample.radius_mm < state.radius_mm + kFills_mm ? state.pressing_N_mm : 0;
+}
+
+void WallContact::take_walls(std::shared_ptr<const LumenDistanceField> field,
+                             const std::optional<Balloon>& balloon, const Rod& rod) {
+  const double before_uJ = stored_uJ();
+  field_ = std::move(field);
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+    FrictionState& state = states_[k];
+    const RodPoint point = contact_point(k, rod.node_count());
+    const double from_tip_mm =
+        point.start_weight * rod.from_tip_mm(point.edge) + point.end_weight * rod.from_tip_mm(point.edge + 1);
+    const bool is_balloon = balloon && from_tip_mm >= balloon->from_mm && from_tip_mm <= balloon->to_mm;
+    state.radius_mm = is_balloon ? balloon->radius_mm : radius_mm_;
+    state.pressing_N_mm = is_balloon ? balloon->pressing_N_mm : 0;
+    state.hint = contacts_[k].sample.hint;
+    sample_wall(k, point.position_mm(rod.state()));
+  }
+  work_uJ_ += stored_uJ() - before_uJ;
+}
+
 WallContact::TipPlace WallContact::tip_place(const Rod& rod) const {
   Vector3d scan_mm = rod.state().nodes_mm.back();
   if (body_) {
@@ -268,7 +295,8 @@ void WallContact::rescale(std::size_t index, double scale) {
   states_[index].scale = scale;
   contact.sample.clearance_mm *= by;
   contact.sample.gradient *= by;
-  if (contact.depth_mm > 0) contact.depth_mm = std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
+  if (contact.depth_mm > 0)
+    contact.depth_mm = std::max(0.0, states_[index].radius_mm - contact.sample.clearance_mm);
 }
 
 /// Minus the second derivative of the clearance in the body; where the way to the scan bends, which it does
@@ -368,7 +396,7 @@ void WallContact::rescale(std::size_t index, double scale) {
   const double scale = states_[index].scale = scale_of(moving.gradient, by_body);
   sample.clearance_mm = scale * in_scan_mm;
   sample.gradient = scale * unpadded(by_body);
-  contact.depth_mm = std::max(0.0, radius_mm_ - sample.clearance_mm);
+  contact.depth_mm = std::max(0.0, states_[index].radius_mm - sample.clearance_mm);
   states_[index].sampled_at_mm = unpadded(load(moving.scan_mm.data()));
 }
 
@@ -517,14 +545,17 @@ void WallContact::update_hint(std::size_t index) {
 /// In a body that is held, but for what would make a contact deeper, or begin one: that would make energy.
 void WallContact::hold_scale(std::size_t index) {
   const double now = scale_now(index), clearance_mm = contacts_[index].sample.clearance_mm;
-  if (now / states_[index].scale * clearance_mm >= std::min(clearance_mm, radius_mm_)) rescale(index, now);
+  if (now / states_[index].scale * clearance_mm >= std::min(clearance_mm, states_[index].radius_mm))
+    rescale(index, now);
 }
 
 void WallContact::begin_friction(const Vector3d& rod_tangent, std::size_t index) {
   const Contact& contact = contacts_[index];
   FrictionState& state = states_[index];
   const double coefficient = contact.slips ? options_.kinetic_friction : options_.static_friction;
-  state.friction.limit_mN = coefficient / kMilli * wall_force_N(contact.depth_mm, index);
+  const double pressing_N =
+      wall_force_N(contact.depth_mm, index) + state.voronoi_length_mm * pressing_N_mm(contact, state);
+  state.friction.limit_mN = coefficient / kMilli * pressing_N;
   const Vector3d normal = contact.sample.gradient.normalized();
   const Vector3d across = normal.cross(rod_tangent);
   const double sine = across.norm();
@@ -564,6 +595,7 @@ void WallContact::add_to_group(std::size_t index, RubbingGroup& group) const {
     group.limit_mN[k] = state.friction.limit_mN;
     group.start_along_mm[k] = state.start_slip_mm[0];
     group.start_around_mm[k] = state.start_slip_mm[1];
+    group.radius_mm[k] = state.radius_mm;
     set_lane(state.anchor_mm, k, group.anchor_mm);
     set_lane(state.t1, k, group.t1);
     set_lane(state.t2, k, group.t2);
@@ -577,14 +609,14 @@ Vector2d WallContact::slip_mm(const RodState& rod, std::size_t index) const {
   const RodPoint& point = contacts_[index].point;
   const Vector3d moved = point.position_mm(rod) - state.anchor_mm;
   return {state.start_slip_mm[0] + moved.dot(state.t1),
-          state.start_slip_mm[1] + moved.dot(state.t2) + radius_mm_ * point.theta_rad(rod)};
+          state.start_slip_mm[1] + moved.dot(state.t2) + state.radius_mm * point.theta_rad(rod)};
 }
 
 /// Of a group, at a state.
 struct WallContact::GroupFriction {
   FrictionLanes of;
 
-  [[gnu::always_inline]] GroupFriction(const RubbingGroup& group, const RodState& rod, double radius_mm) {
+  [[gnu::always_inline]] GroupFriction(const RubbingGroup& group, const RodState& rod) {
     const Triple<Lanes> start_mm = positions_mm(rod, group.edges, 0),
                         end_mm = positions_mm(rod, group.edges, 1);
     const Triple<Lanes> moved =
@@ -596,8 +628,8 @@ struct WallContact::GroupFriction {
       theta_rad[k] = rod.thetas_rad[group.edges[k]];
       next_theta_rad[k] = rod.thetas_rad[std::min(group.edges[k] + 1, last)];  // of no weight at the tip
     }
-    const Lanes turned_mm = radius_mm * (lanes_of(group.theta_weights) * theta_rad +
-                                         lanes_of(group.next_theta_weights) * next_theta_rad);
+    const Lanes turned_mm = lanes_of(group.radius_mm) * (lanes_of(group.theta_weights) * theta_rad +
+                                                         lanes_of(group.next_theta_weights) * next_theta_rad);
     of = {lanes_of(group.spring_mN_mm), lanes_of(group.limit_mN),
           lanes_of(group.start_along_mm) + dot(moved, triple_of(group.t1)),
           lanes_of(group.start_around_mm) + dot(moved, triple_of(group.t2)) + turned_mm};
@@ -608,7 +640,7 @@ XRAYCAST_WIDE_VECTORS
 double WallContact::friction_uJ(const RodState& rod) const {
   double energy = 0;
   for (const RubbingGroup& group : groups_) {
-    const Lanes energies = GroupFriction(group, rod, radius_mm_).of.energy_uJ();
+    const Lanes energies = GroupFriction(group, rod).of.energy_uJ();
     for (std::size_t k = 0; k < group.count; ++k) energy += energies[k];
   }
   return energy;
@@ -672,9 +704,9 @@ struct WallContact::Derivatives {
 XRAYCAST_WIDE_VECTORS
 void WallContact::assemble_group(const RodState& rod, const RubbingGroup& group, bool project_psd,
                                  const RodRows& rows) const {
-  const FrictionLanes::Derivatives friction = GroupFriction(group, rod, radius_mm_).of.derivatives();
+  const FrictionLanes::Derivatives friction = GroupFriction(group, rod).of.derivatives();
   const std::array<Lanes, kLanes> alongs = by_lane(Lanes{}, triple_of(group.t1)),
-                                  arounds = by_lane(all<Lanes>(radius_mm_), triple_of(group.t2));
+                                  arounds = by_lane(lanes_of(group.radius_mm), triple_of(group.t2));
   for (std::size_t k = 0; k < group.count; ++k) {
     const std::size_t index = group.contacts[k];
     const Lanes along = alongs[k], around = arounds[k];

@@ -71,11 +71,25 @@ class WallContact final : public ExternalPotential {
   /// The wall's force on contact number `index` if it were at this depth.
   double wall_force_N(double depth_mm, std::size_t index) const;
 
+  /// A balloon on the rod, as far as it is filled.
+  struct Balloon {
+    double from_mm = 0, to_mm = 0;  ///< from the rod's tip
+    double radius_mm = 0;
+    /// By which it presses on a wall that it fills, all around, per length of the rod.
+    double pressing_N_mm = 0;
+  };
+  /// Between two steps: the walls have yielded, or the balloon has another size. What that stores counts as
+  /// work_J(). While the balloon is wider than its vessel, the wall centres it, and friction holds it by
+  /// `pressing_N_mm` too.
+  void take_walls(std::shared_ptr<const LumenDistanceField> field, const std::optional<Balloon>& balloon,
+                  const Rod& rod);
+
   /// The body has moved since the last step: the wall takes its place as the next one ends. Before that
   /// step; a step without finds the body held.
   void follow_body(const Rod& rod);
 
-  /// Of the moving wall on the rod, by the forces at the end of each step, since the beginning.
+  /// Of the moving wall on the rod, by the forces at the end of each step, and of yielding walls and the
+  /// balloon, since the beginning.
   double work_J() const;
 
   /// Where the rod's tip is, by the wall around it now: what contacts() have of a tip that is clear of the
@@ -104,6 +118,8 @@ class WallContact final : public ExternalPotential {
   struct FrictionState {
     LumenDistanceField::SearchHint hint;
     double voronoi_length_mm = 0;
+    double radius_mm = 0;      ///< of the rod, or of the balloon on it
+    double pressing_N_mm = 0;  ///< see Balloon
     double wall_mN_mm = 0;     ///< the wall's stiffness at depth zero
     double stiffening_mm = 1;  ///< depth at which the wall is twice as stiff, as of the start of the contact
     Friction friction;
@@ -141,7 +157,7 @@ class WallContact final : public ExternalPotential {
     GroupIndices contacts{}, edges{};
     std::size_t count = 0;
     GroupNumbers start_weights{}, end_weights{}, theta_weights{}, next_theta_weights{};  ///< see RodPoint
-    GroupNumbers spring_mN_mm{}, limit_mN{}, start_along_mm{}, start_around_mm{};
+    GroupNumbers spring_mN_mm{}, limit_mN{}, start_along_mm{}, start_around_mm{}, radius_mm{};
     GroupVectors anchor_mm{}, t1{}, t2{};
   };
   struct GroupFriction;
@@ -151,6 +167,7 @@ class WallContact final : public ExternalPotential {
   void sample_wall(std::size_t index, const Eigen::Vector3d& point_mm);
   void take_sample(std::size_t index, const Eigen::Vector3d& in_scan_mm);
   void take_depth(std::size_t index);
+  double pressing_N_mm(const Contact& contact, const FrictionState& state) const;
   bool needs_sample(std::size_t index, const Eigen::Vector3d& in_scan_mm);
   void follow_body(const Rod& rod, std::size_t index);
   void shift_wall(std::size_t index, const Eigen::Vector3d& moved_mm);
@@ -184,7 +201,7 @@ class WallContact final : public ExternalPotential {
   std::shared_ptr<const LumenDistanceField> field_;
   Options options_;
   std::optional<Introducer> introducer_;
-  double radius_mm_;
+  double radius_mm_;  ///< of the rod
   std::shared_ptr<MovingBody> body_;
   bool is_following_ = false;   ///< the body moves in this step
   bool was_following_ = false;  ///< and in the last one

@@ -7,12 +7,22 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
 namespace xraycast {
 namespace {
 
 // The straight sheath outside the tree through which instruments enter: its length.
 constexpr double kIntroducer_mm = 20;
+
+// Balloons are worked on so often: at the fastest inflation they grow by some 0.05 mm in between.
+constexpr long kBalloonSteps = 10;
+// A balloon that is held at a pressure stays where it is while it moves by less.
+constexpr double kBalloonMoves_mm = 0.25;
+// Of the pressure in a balloon, what is left for the wall; its membrane bears the rest. Chosen: at 8 bar a
+// balloon of 6 by 20 mm is held against a push of 3 N at a coefficient of friction of 0.1.
+constexpr double kPressingShare = 0.1, kNewtonPerMm2PerBar = 0.1;
 
 /// Throws InputError.
 const std::vector<InstrumentModel>& checked(const VesselTree& tree, const VesselEnd& entry,
@@ -87,10 +97,12 @@ Instruments::Instruments(const VesselTree& tree, const std::vector<InstrumentMod
       end_(entry),
       entry_(in_body(entry, body_.get())),
       entry_place_(body_ ? body_->place(entry_.position_mm) : MovingBody::Place{}),
-      field_(lumen_with_introducer(tree, entry)),
+      treatments_(lumen_with_introducer(tree, entry)),
       rods_(make_rods(checked(tree, entry, instruments))),
       walls_(instruments.size()),
-      hubs_(instruments.size()) {
+      hubs_(instruments.size()),
+      balloons_(instruments.size()) {
+  for (std::size_t d = 0; d < count(); ++d) balloons_[d].carries_stent = instruments[d].stent().has_value();
   for (std::size_t d = 0; d < count(); ++d) {
     walls_[d] = make_wall(rods_, d);
     rods_.set_external(d, walls_[d].get());
@@ -118,7 +130,7 @@ std::unique_ptr<WallContact> Instruments::make_wall(const CoaxialRods& rods, std
   std::optional<WallContact::Introducer> introducer;
   if (instrument == 0) introducer = {entry_.position_mm, -entry_.outward, entry_place_};
   return std::make_unique<WallContact>(
-      field_, rod,
+      treatments_.walls().field(), rod,
       WallContact::Options{.stiffness_N_mm2 = options_.wall_stiffness_N_mm2,
                            .tangential_N_mm2 = options_.wall_stiffness_N_mm2,
                            .static_friction = rod.instrument().static_friction(),
@@ -142,10 +154,13 @@ std::span<const double> Instruments::phases() const {
 void Instruments::step(std::span<const HubPose> targets, std::span<const double> phases) {
   for (std::size_t d = 0; d < count(); ++d) {
     const double rotation_before_rad = pose(d).rotation_rad;
-    hubs_[d].approach(targets[d], load(d).force_N, max_insertion_mm(d), options_.step_s);
+    const HubPose largest{.insertion_mm = max_insertion_mm(d),
+                          .inflation_bar = rod(d).instrument().max_inflation_bar()};
+    hubs_[d].approach(targets[d], load(d).force_N, largest, options_.step_s);
     if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
     rods_.feed_to(d, kIntroducer_mm + pose(d).insertion_mm);
   }
+  if (steps_ % kBalloonSteps == 0) work_balloons();
   if (body_ && body_->move_to(phases))
     for (std::size_t d = 0; d < count(); ++d) walls_[d]->follow_body(rod(d));
   rods_.step(options_.step_s);
@@ -218,6 +233,105 @@ void Instruments::exchange(std::size_t instrument, const InstrumentModel& model)
   walls_[instrument] = std::move(walls[instrument]);
   rods_.set_external(instrument, walls_[instrument].get());
   hubs_[instrument] = {};
+  balloons_[instrument] = {.carries_stent = model.stent().has_value()};
+}
+
+// ---- balloons -------------------------------------------------------------------------------------------
+
+double Instruments::balloon_radius_mm(std::size_t instrument) const {
+  const InstrumentModel& model = rod(instrument).instrument();
+  return model.balloon() ? model.balloon_radius_mm(balloon_bar(instrument)) : 0;
+}
+
+bool Instruments::is_balloon_out(std::size_t instrument) const {
+  const BalloonModel& balloon = *rod(instrument).instrument().balloon();
+  const double out_mm = std::min(pose(instrument).insertion_mm, rods_.bare_mm(instrument));
+  return balloon.from_tip_mm + balloon.length_mm <= out_mm;
+}
+
+/// From the tip on, a millimetre after the other, so that each place is searched for from the last one.
+Treatments::Place Instruments::place_of_balloon(std::size_t instrument) const {
+  constexpr double kStep_mm = 1;
+  const Rod& of = rod(instrument);
+  const BalloonModel& balloon = *of.instrument().balloon();
+  const LumenDistanceField& field = *treatments_.walls().field();
+  const double last_mm = balloon.from_tip_mm + balloon.length_mm;
+  Treatments::Place place;
+  std::vector<YieldingWalls::Opening>& lengths = place.lengths;
+  LumenDistanceField::SearchHint hint = wall(instrument).contacts().back().sample.hint;
+  std::size_t node = of.node_count() - 1;
+  const auto steps = static_cast<int>(std::ceil(last_mm / kStep_mm));
+  for (int i = 0; i <= steps; ++i) {
+    const double from_tip_mm = std::min(kStep_mm * i, last_mm);
+    while (node > 1 && of.from_tip_mm(node - 1) < from_tip_mm) --node;
+    const double to_mm = of.from_tip_mm(node), from_mm = of.from_tip_mm(node - 1);
+    const double share = (from_tip_mm - to_mm) / (from_mm - to_mm);
+    Eigen::Vector3d place_mm =
+        of.state().nodes_mm[node] + share * (of.state().nodes_mm[node - 1] - of.state().nodes_mm[node]);
+    if (body_) place_mm = Eigen::Vector3d(body_->place(place_mm).scan_mm.data());
+    const LumenDistanceField::Sample sample = field.at(place_mm, hint);
+    hint = sample.hint;
+    if (from_tip_mm < balloon.from_tip_mm) continue;
+    if (from_tip_mm <= balloon.middle_from_tip_mm()) {
+      place.middle_branch = hint.branch;
+      place.middle_mm = sample.arc_length_mm;
+    }
+    if (lengths.empty() || lengths.back().branch != hint.branch)
+      lengths.push_back({hint.branch, sample.arc_length_mm, sample.arc_length_mm, 0});
+    lengths.back().from_mm = std::min(lengths.back().from_mm, sample.arc_length_mm);
+    lengths.back().to_mm = std::max(lengths.back().to_mm, sample.arc_length_mm);
+  }
+  return place;
+}
+
+/// Keeps the place of a balloon that has hardly moved, so that walls rest with it.
+void Instruments::place_balloon(std::size_t instrument) {
+  Treatments::Place place = place_of_balloon(instrument);
+  Treatments::Place& last = balloons_[instrument].place;
+  const auto is_near = [](const YieldingWalls::Opening& a, const YieldingWalls::Opening& b) {
+    return a.branch == b.branch && std::abs(a.from_mm - b.from_mm) < kBalloonMoves_mm &&
+           std::abs(a.to_mm - b.to_mm) < kBalloonMoves_mm;
+  };
+  if (!std::equal(place.lengths.begin(), place.lengths.end(), last.lengths.begin(), last.lengths.end(),
+                  is_near))
+    last = std::move(place);
+  for (YieldingWalls::Opening& length : last.lengths) length.radius_mm = balloon_radius_mm(instrument);
+}
+
+std::optional<WallContact::Balloon> Instruments::balloon_on_wall(std::size_t instrument) const {
+  const double bar = balloon_bar(instrument), radius_mm = balloon_radius_mm(instrument);
+  if (bar == 0) return {};
+  const BalloonModel& balloon = *rod(instrument).instrument().balloon();
+  return WallContact::Balloon{
+      .from_mm = balloon.from_tip_mm,
+      .to_mm = balloon.from_tip_mm + balloon.length_mm,
+      .radius_mm = radius_mm,
+      .pressing_N_mm = kPressingShare * kNewtonPerMm2PerBar * bar * 2 * std::numbers::pi * radius_mm};
+}
+
+void Instruments::work_balloons() {
+  std::vector<Treatments::Filled> filled;
+  bool has_changed = false;
+  for (std::size_t d = 0; d < count(); ++d) {
+    const InstrumentModel& model = rod(d).instrument();
+    if (!model.balloon()) continue;
+    const double bar = is_balloon_out(d) ? pose(d).inflation_bar : 0;
+    BalloonState& state = balloons_[d];
+    has_changed = has_changed || bar != state.bar;
+    state.bar = bar;
+    state.opens_stent =
+        state.opens_stent || (state.carries_stent && bar >= model.balloon()->chart.front().bar);
+    if (bar == 0 && state.opens_stent) state.carries_stent = state.opens_stent = false;
+    if (bar == 0) continue;
+    place_balloon(d);
+    filled.push_back({d, &model.name(), bar, state.place, state.opens_stent ? &*model.stent() : nullptr});
+  }
+  if (!has_changed && filled.empty()) return;
+  const bool yields = treatments_.work(filled, time_s());
+  if (yields) ++wall_changes_;
+  if (!yields && !has_changed) return;
+  for (std::size_t d = 0; d < count(); ++d)
+    walls_[d]->take_walls(treatments_.walls().field(), balloon_on_wall(d), rod(d));
 }
 
 double Instruments::energy_J() const {

@@ -6,6 +6,7 @@
 #include "xraycast/catheter/vessel_entry.hpp"
 #include "xraycast/catheter/wall_contact.hpp"
 #include "xraycast/coaxial/coaxial_rods.hpp"
+#include "xraycast/coaxial/treatment.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mechanics/instrument_model.hpp"
 
@@ -84,7 +85,7 @@ class Instruments {
       : Instruments(tree, instruments, entry, Options{}) {}
 
   /// One step in time towards a pose for each instrument, whose insertion is clamped to 0 to
-  /// max_insertion_mm().
+  /// max_insertion_mm(), and whose pressure to what its balloon bears.
   void step(std::span<const HubPose> targets) { step(targets, phases()); }
   /// The same while the body moves to these phases, one a mode, where it has a motion.
   void step(std::span<const HubPose> targets, std::span<const double> phases);
@@ -103,6 +104,22 @@ class Instruments {
   bool is_held(std::size_t instrument) const { return hubs_[instrument].is_held; }
   HubLoad load(std::size_t instrument) const;
   InstrumentTip tip(std::size_t instrument) const;
+
+  /// Of an instrument's balloon, which is filled only while all of it is beyond the introducer and the
+  /// instruments around it: its pressure; and its radius, folded that of the instrument. 0 without a balloon.
+  double balloon_bar(std::size_t instrument) const { return balloons_[instrument].bar; }
+  double balloon_radius_mm(std::size_t instrument) const;
+
+  /// Whether a stent is on its balloon still. A balloon leaves it once it was filled to the first pressure of
+  /// its chart or more, and is folded again.
+  bool carries_stent(std::size_t instrument) const { return balloons_[instrument].carries_stent; }
+
+  /// What balloons did, and the walls, which yielded to them.
+  const Treatments& treatments() const { return treatments_; }
+  const VesselTree& tree() const { return tree_; }  ///< as it was at first
+  /// The vessels as they are now, and how often they have changed: a tree with the same points.
+  VesselTree widened_tree() const { return treatments_.walls().widened(tree_); }
+  long wall_changes() const { return wall_changes_; }
 
   /// All instruments within it are drawn back to 0 (see kDrawnBack_mm), so that contrast agent can be
   /// injected through it.
@@ -125,17 +142,29 @@ class Instruments {
 
   /// Elastic, kinetic, in the lumens, and in the walls.
   double energy_J() const;
-  /// What the moving wall has done on an instrument since it was put in; see WallContact.
+  /// What the moving wall, walls that yielded, and its balloon have done on an instrument since it was put
+  /// in; see WallContact.
   double wall_work_J(std::size_t instrument) const { return wall(instrument).work_J(); }
 
  private:
   using Walls = std::vector<std::unique_ptr<WallContact>>;
+  /// A balloon as it was worked on last.
+  struct BalloonState {
+    double bar = 0;
+    bool carries_stent = false, opens_stent = false;
+    Treatments::Place place{};
+  };
 
   bool is_drawn_back(std::size_t instrument) const { return pose(instrument).insertion_mm <= kDrawnBack_mm; }
   Rod make_rod(const InstrumentModel& model) const;
   std::vector<Rod> make_rods(const std::vector<InstrumentModel>& instruments) const;
   std::unique_ptr<WallContact> make_wall(const CoaxialRods& rods, std::size_t instrument) const;
   static void settle(CoaxialRods& rods);
+  bool is_balloon_out(std::size_t instrument) const;
+  Treatments::Place place_of_balloon(std::size_t instrument) const;
+  void place_balloon(std::size_t instrument);
+  std::optional<WallContact::Balloon> balloon_on_wall(std::size_t instrument) const;
+  void work_balloons();
 
   VesselTree tree_;
   Options options_;
@@ -143,10 +172,12 @@ class Instruments {
   VesselEnd end_;                     ///< of the tree
   VesselEnd entry_;                   ///< that in the body
   MovingBody::Place entry_place_;     ///< what it showed as the introducer was put there
-  std::shared_ptr<const LumenDistanceField> field_;
+  Treatments treatments_;
   CoaxialRods rods_;
   Walls walls_;
   std::vector<MovingHub> hubs_;
+  std::vector<BalloonState> balloons_;
+  long wall_changes_ = 0;
   long steps_ = 0;
 };
 

@@ -114,6 +114,65 @@ Range torsional_stiffness(const Json& part, const std::string& where, const Inst
   return scaled(range(part, where, kModulus), kMegapascal * polar_moment_mm4);
 }
 
+std::vector<BalloonModel::Size> compliance_chart(const Json& balloon, const std::string& where) {
+  if (!balloon.contains("chart") || !balloon["chart"].is_array())
+    throw InputError("{}: \"chart\" is missing; it lists pairs of pressure in bar and diameter in mm", where);
+  std::vector<BalloonModel::Size> chart;
+  for (const Json& row : balloon["chart"]) {
+    if (!row.is_array() || row.size() != 2 || !row[0].is_number() || !row[1].is_number())
+      throw InputError("{}: chart[{}] must be a pair: pressure in bar, diameter in mm", where, chart.size());
+    chart.push_back({row[0].get<double>(), row[1].get<double>()});
+  }
+  return chart;
+}
+
+std::optional<BalloonModel> balloon_of(const Json& json, const std::string& origin) {
+  if (!json.contains("balloon")) return {};
+  const Json& balloon = json["balloon"];
+  const std::string where = origin + ": balloon";
+  if (!balloon.is_object()) throw InputError("{}: not an object", where);
+  return BalloonModel{.diameter_mm = number(balloon, where, "diameter_mm"),
+                      .length_mm = number(balloon, where, "length_mm"),
+                      .from_tip_mm = number(balloon, where, "from_tip_mm"),
+                      .nominal_bar = number(balloon, where, "nominal_bar"),
+                      .rated_burst_bar = number(balloon, where, "rated_burst_bar"),
+                      .chart = compliance_chart(balloon, where)};
+}
+
+/// A number of parts.
+int whole_number(const Json& object, const std::string& where, const char* key) {
+  constexpr int kMost = 1000;
+  const double value = number(object, where, key);
+  if (!(value >= 0 && value <= kMost) || value != std::floor(value))
+    throw InputError("{}: \"{}\" is {}; it must be a whole number of at most {}", where, key, value, kMost);
+  return static_cast<int>(value);
+}
+
+std::optional<StentModel> stent_of(const Json& json, const std::string& origin) {
+  if (!json.contains("stent")) return {};
+  const Json& stent = json["stent"];
+  const std::string where = origin + ": stent";
+  if (!stent.is_object()) throw InputError("{}: not an object", where);
+  return StentModel{.diameter_mm = number(stent, where, "diameter_mm"),
+                    .length_mm = number(stent, where, "length_mm"),
+                    .rings = whole_number(stent, where, "rings"),
+                    .crowns = whole_number(stent, where, "crowns"),
+                    .links = whole_number(stent, where, "links"),
+                    .link_mm = number(stent, where, "link_mm"),
+                    .strut_mm = number(stent, where, "strut_mm")};
+}
+
+void check_stent(const InstrumentModel::Properties& p, const std::string& origin) {
+  if (!p.stent) return;
+  if (!p.balloon) throw InputError("{}: stent: there is no \"balloon\" to open it; give one", origin);
+  xraycast::check(*p.stent,
+                  p.balloon->diameter_at_mm(p.balloon->rated_burst_bar, 2 * p.radius_mm) + p.stent->strut_mm,
+                  origin);
+  if (p.stent->length_mm > p.balloon->length_mm)
+    throw InputError("{}: stent: is {:g} mm long, more than its balloon, {:g} mm", origin, p.stent->length_mm,
+                     p.balloon->length_mm);
+}
+
 }  // namespace
 
 InstrumentModel::InstrumentModel(Properties properties, const std::string& origin)
@@ -144,6 +203,12 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
     length_mm_ += section.length_mm;
   }
   check(length_mm_, length_mm_ <= 5000, origin, "length_mm", "that is more than 5 m in all");
+  check_stent(p, origin);
+  if (!p.balloon) return;
+  xraycast::check(*p.balloon, 2 * p.radius_mm, origin);
+  if (p.balloon->from_tip_mm + p.balloon->length_mm > length_mm_)
+    throw InputError("{}: balloon: ends {:g} mm from the tip, beyond the {:g} mm of the sections", origin,
+                     p.balloon->from_tip_mm + p.balloon->length_mm, length_mm_);
 }
 
 InstrumentModel InstrumentModel::from_json(const std::string& text, const std::string& origin) {
@@ -179,7 +244,13 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
                           .curvature_per_mm = range(part, where, "curvature_per_mm", 0),
                           .plane_rad = number(part, where, "plane_deg", 0) * std::numbers::pi / 180});
   }
+  p.balloon = balloon_of(json, origin);
+  p.stent = stent_of(json, origin);
   return InstrumentModel(std::move(p), origin);
+}
+
+double InstrumentModel::balloon_radius_mm(double bar) const {
+  return balloon() ? 0.5 * balloon()->diameter_at_mm(bar, 2 * radius_mm()) : radius_mm();
 }
 
 std::vector<std::string> InstrumentModel::preset_names() { return names_of(embedded_instruments()); }

@@ -1,7 +1,11 @@
 #pragma once
 
+#include "xraycast/mechanics/balloon_model.hpp"
+#include "xraycast/mechanics/stent_model.hpp"
+
 #include <glm/vec2.hpp>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,11 +34,15 @@ class InstrumentModel {
     double axial_stiffness_N = 0;                      ///< EA
     double static_friction = 0, kinetic_friction = 0;  ///< coefficients, wet, on a vessel's wall
     std::vector<InstrumentSection> sections;           ///< from the tip on
+    std::optional<BalloonModel> balloon{};
+    std::optional<StentModel> stent{};  ///< on the balloon, until that opens it
   };
 
   /// Throws InputError, with `origin` in front, for a number that is not finite or out of its range: no
   /// section, a length, radius, mass or stiffness that is not above zero, friction below zero or a kinetic
-  /// one above the static one, a curvature of more than 1/(2 radius).
+  /// one above the static one, a curvature of more than 1/(2 radius), and a balloon as `check` of it, or that
+  /// reaches beyond the instrument's length, and a stent as `check` of it, without a balloon, or longer than
+  /// it.
   InstrumentModel(Properties properties, const std::string& origin);
 
   /// Reads {"name", "radius_mm", "density_g_cm3", "inner_radius_mm" (0 without), "axial_stiffness_N",
@@ -43,7 +51,9 @@ class InstrumentModel {
   /// stiffnesses and curvature are a number, or two: [tip's side, hub's side]. Instead of the bending
   /// stiffness there may be {"flexural_modulus_GPa"} or {"three_point_bending": {"span_mm", "force_N",
   /// "deflection_mm"}}, instead of the torsional one {"shear_modulus_GPa"}, both of the whole cross-section.
-  /// Throws InputError naming `origin` and the field.
+  /// There may be a "balloon": {"diameter_mm", "length_mm", "from_tip_mm", "nominal_bar", "rated_burst_bar",
+  /// "chart": [[bar, mm], ...]}, and on it a "stent": {"diameter_mm", "length_mm", "rings", "crowns",
+  /// "links", "link_mm", "strut_mm"}. Throws InputError naming `origin` and the field.
   static InstrumentModel from_json(const std::string& text, const std::string& origin);
 
   /// A preset by its name, or a JSON file. Throws InputError.
@@ -61,6 +71,12 @@ class InstrumentModel {
   double axial_stiffness_N() const { return properties_.axial_stiffness_N; }
   double static_friction() const { return properties_.static_friction; }
   double kinetic_friction() const { return properties_.kinetic_friction; }
+  const std::optional<BalloonModel>& balloon() const { return properties_.balloon; }
+  const std::optional<StentModel>& stent() const { return properties_.stent; }
+  /// What its balloon bears: the rated burst pressure; 0 without a balloon.
+  double max_inflation_bar() const { return balloon() ? balloon()->rated_burst_bar : 0; }
+  /// Of its balloon at a pressure; of the instrument without one.
+  double balloon_radius_mm(double bar) const;
 
   /// At a length from the tip, clamped to the instrument's.
   double bending_stiffness_Nmm2(double from_tip_mm) const;

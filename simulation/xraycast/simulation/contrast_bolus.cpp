@@ -98,6 +98,13 @@ void ContrastBolus::step(double time_s, const VesselTree::Location& tip, double 
   }
 }
 
+void ContrastBolus::take_radii(const VesselTree& tree) {
+  for (std::size_t b = 0; b < vessels_.size(); ++b) {
+    vessels_[b].take_radii(tree.branches()[b]);
+    vessels_[b].copy_means(iodine_mg_ml_[b]);
+  }
+}
+
 double ContrastBolus::in_tree_mg() const {
   return std::accumulate(vessels_.begin(), vessels_.end(), 0.0,
                          [](double sum, const LaminarVessel& vessel) { return sum + vessel.in_vessel_mg(); });

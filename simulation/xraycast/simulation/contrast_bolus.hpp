@@ -29,6 +29,10 @@ class ContrastBolus {
   /// iodine is injected at a location of the tree.
   void step(double time_s, const VesselTree::Location& tip, double injection_ml_s, double agent_mg_ml = 350);
 
+  /// The vessels have other radii, as where walls have yielded: those of a tree with the same points. Iodine
+  /// stays where it is, in more or less blood; the blood's mean flow stays, too.
+  void take_radii(const VesselTree& tree);
+
   /// Iodine concentration in every branch's segments, one fewer than its points.
   const std::vector<std::vector<double>>& iodine_mg_ml() const { return iodine_mg_ml_; }
 

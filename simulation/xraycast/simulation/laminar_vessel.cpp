@@ -50,19 +50,12 @@ double monotonised(double before, double after) {
 LaminarVessel::LaminarVessel(const VesselBranch& branch, double profile_exponent, double diffusivity_mm2_s,
                              double least_ml)
     : length_mm_(branch.arc_length_mm.back()),
-      ends_mm_(branch.arc_length_mm.begin() + 1, branch.arc_length_mm.end()) {
+      ends_mm_(branch.arc_length_mm.begin() + 1, branch.arc_length_mm.end()),
+      diffusivity_mm2_s_(diffusivity_mm2_s),
+      fewest_ml_(least_ml) {
   constexpr double kCell_mm = 2, kMostCells = 4096;
   const auto cells = static_cast<std::size_t>(std::clamp(std::round(length_mm_ / kCell_mm), 1.0, kMostCells));
-  const double cell_mm = length_mm_ / static_cast<double>(cells);
-  const LumenVolume lumen(branch);
-  for (std::size_t i = 0; i < cells; ++i) {
-    const double mm3 = lumen.up_to_mm3(cell_mm * static_cast<double>(i + 1)) -
-                       lumen.up_to_mm3(cell_mm * static_cast<double>(i));
-    volume_ml_.push_back(std::max(kMl_per_mm3 * mm3, least_ml));
-    const double radius2_mm2 = mm3 / (std::numbers::pi * cell_mm);
-    exchange_per_s_.push_back(4 * diffusivity_mm2_s / radius2_mm2);
-  }
-  least_ml_ = *std::min_element(volume_ml_.begin(), volume_ml_.end());
+  measure(branch, cells);
   mg_ml_.resize(cells);
   crossing_mg_ml_.resize(cells + 1);
 
@@ -73,6 +66,28 @@ LaminarVessel::LaminarVessel(const VesselBranch& branch, double profile_exponent
     const auto inner = static_cast<double>(k), count = static_cast<double>(kLaminae);
     velocity_[k] = count * (flow_within((inner + 1) / count) - flow_within(inner / count));
   }
+}
+
+void LaminarVessel::measure(const VesselBranch& branch, std::size_t cells) {
+  const double cell_mm = length_mm_ / static_cast<double>(cells);
+  const LumenVolume lumen(branch);
+  volume_ml_.clear();
+  exchange_per_s_.clear();
+  for (std::size_t i = 0; i < cells; ++i) {
+    const double mm3 = lumen.up_to_mm3(cell_mm * static_cast<double>(i + 1)) -
+                       lumen.up_to_mm3(cell_mm * static_cast<double>(i));
+    volume_ml_.push_back(std::max(kMl_per_mm3 * mm3, fewest_ml_));
+    const double radius2_mm2 = mm3 / (std::numbers::pi * cell_mm);
+    exchange_per_s_.push_back(4 * diffusivity_mm2_s_ / radius2_mm2);
+  }
+  least_ml_ = *std::min_element(volume_ml_.begin(), volume_ml_.end());
+}
+
+void LaminarVessel::take_radii(const VesselBranch& branch) {
+  const std::vector<double> before_ml = volume_ml_;
+  measure(branch, before_ml.size());
+  for (std::size_t i = 0; i < before_ml.size(); ++i)
+    for (double& mg_ml : mg_ml_[i]) mg_ml *= before_ml[i] / volume_ml_[i];
 }
 
 std::size_t LaminarVessel::cell_at(double arc_length_mm) const {

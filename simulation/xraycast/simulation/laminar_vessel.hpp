@@ -31,6 +31,9 @@ class LaminarVessel {
     double ml_s = 0, mg_ml = 0;
   };
 
+  /// Other radii, of a branch with the same points. The agent's mass stays in its cells.
+  void take_radii(const VesselBranch& branch);
+
   std::size_t cell_at(double arc_length_mm) const;
 
   /// The flow at the vessel's end, positive away from its start, and a source; null: none. At the start there
@@ -66,6 +69,7 @@ class LaminarVessel {
       9;  ///< odd, so that a parabola's median lamina has the mean velocity
   using Laminae = std::array<double, kLaminae>;
 
+  void measure(const VesselBranch& branch, std::size_t cells);
   double flow_ml_s(std::size_t face) const { return face <= source_.cell ? start_ml_s_ : end_ml_s_; }
   Laminae slope(std::size_t cell) const;
   Laminae at_face(std::size_t face, double time_s) const;
@@ -74,6 +78,8 @@ class LaminarVessel {
   double length_mm_;
   std::vector<double> ends_mm_;  ///< of the branch's segments
   Laminae velocity_{};           ///< relative to the mean
+  double diffusivity_mm2_s_;
+  double fewest_ml_;  ///< of a cell
   std::vector<double> volume_ml_, exchange_per_s_;
   double least_ml_ = 0;
   std::vector<Laminae> mg_ml_;

@@ -23,6 +23,8 @@ RunRecord record_of(double time_s, const Instruments& instruments, std::size_t d
                    .load = instruments.load(d),
                    .tip = instruments.tip(d),
                    .wall_work_J = instruments.wall_work_J(d),
+                   .balloon_bar = instruments.balloon_bar(d),
+                   .balloon_mm = 2 * instruments.balloon_radius_mm(d),
                    .phases = {}};
   record.phases.assign(instruments.phases().begin(), instruments.phases().end());
   for (const WallContact::Contact& contact : instruments.wall(d).contacts()) {
@@ -78,6 +80,34 @@ void check_lengths(const Script& script, const std::vector<InstrumentModel>& ins
                          d == 0 ? "insertion_mm" : fmt::format("insertion_{}_mm", d + 1), insertion_mm,
                          instruments[d].name(), max_insertion_mm(instruments[d]));
     }
+}
+
+void check_inflations(const Script& script, const std::vector<InstrumentModel>& instruments) {
+  for (std::size_t r = 0; r < script.rows().size(); ++r)
+    for (std::size_t d = 0; d < instruments.size(); ++d) {
+      const double bar = script.rows()[r].pose_of(d).inflation_bar;
+      if (bar <= instruments[d].max_inflation_bar()) continue;
+      const std::string pressure =
+          fmt::format("{}: {} {}", script.where(r),
+                      d == 0 ? "inflation_bar" : fmt::format("inflation_{}_bar", d + 1), bar);
+      if (!instruments[d].balloon())
+        throw InputError("{}; {} has no balloon: leave the column out, or take balloon-6x20, say", pressure,
+                         instruments[d].name());
+      throw InputError("{}; the balloon of {} is rated to {:g} bar: inflate it by no more", pressure,
+                       instruments[d].name(), instruments[d].max_inflation_bar());
+    }
+}
+
+void check_stents(const RunRequest& request) {
+  double longest_mm = 0;
+  for (const VesselBranch& branch : request.tree->branches())
+    longest_mm = std::max(longest_mm, branch.arc_length_mm.back());
+  for (const InstrumentModel& model : request.instruments)
+    if (model.stent() && model.stent()->length_mm > longest_mm)
+      throw InputError(
+          "{}: its stent of {:g} mm is longer than any vessel of the tree, {:.1f} mm at most; take a shorter "
+          "one",
+          model.name(), model.stent()->length_mm, longest_mm);
 }
 
 void check_injection(const RunRequest& request) {
@@ -144,8 +174,34 @@ void follow(const Script& script, double step_s, Progress& progress,
   }
 }
 
+/// Though its hub has a pressure.
+bool keeps_balloon_folded(const Instruments& instruments) {
+  for (std::size_t d = 0; d < instruments.count(); ++d)
+    if (instruments.pose(d).inflation_bar > 0 && instruments.balloon_bar(d) == 0) return true;
+  return false;
+}
+
+/// Of stents that reach beyond the ends of their vessels, as branches of the tree.
+std::vector<std::string> notes_on_stents(const Instruments& instruments) {
+  constexpr double kNoticed_mm = 0.5;
+  std::vector<std::string> notes;
+  for (const PlacedStent& stent : instruments.treatments().stents()) {
+    const VesselTree& tree = instruments.tree();
+    const double length_mm = tree.branches()[static_cast<std::size_t>(stent.branch)].arc_length_mm.back();
+    const double beyond_mm = std::max(-stent.from_mm(), stent.to_mm() - length_mm);
+    if (beyond_mm > kNoticed_mm)
+      notes.push_back(fmt::format(
+          "{}: its stent of {:.1f} mm reaches {:.1f} mm beyond the end of {}, where it holds no wall; "
+          "take a shorter one, or place it further inside",
+          instruments.treatments().list()[stent.treatment].device, stent.length_mm(), beyond_mm,
+          tree.title(stent.branch)));
+  }
+  return notes;
+}
+
 bool is_at(const HubPose& hub, const HubPose& pose) {
-  return hub.insertion_mm == pose.insertion_mm && hub.rotation_rad == pose.rotation_rad;
+  return hub.insertion_mm == pose.insertion_mm && hub.rotation_rad == pose.rotation_rad &&
+         hub.inflation_bar == pose.inflation_bar;
 }
 
 /// Watches hubs on their way to a row's poses.
@@ -189,6 +245,8 @@ constexpr const char* kColumns =
     "contact_force{0}_N,deepest{0}_mm";
 constexpr const char* kMotionColumns = ",tip{0}_scan_x_mm,tip{0}_scan_y_mm,tip{0}_scan_z_mm,wall_work{0}_J";
 
+constexpr const char* kBalloonColumns = ",inflation{0}_bar,balloon{0}_mm";
+
 double part(double value) {
   constexpr int kDecimals = 6;
   return no_negative_zero(value, kDecimals);
@@ -231,7 +289,11 @@ std::vector<std::string> check(const RunRequest& request) {
         (request.interval_s >= kLeastInterval_s && std::isfinite(request.interval_s))))
     throw InputError("`interval_s` {:g}: must be 0, for the script's rows, or {:g} s or more",
                      request.interval_s, kLeastInterval_s);
-  if (request.script) check_lengths(*request.script, request.instruments);
+  if (request.script) {
+    check_lengths(*request.script, request.instruments);
+    check_inflations(*request.script, request.instruments);
+  }
+  check_stents(request);
   check_injection(request);
   std::vector<std::string> notes = notes_on_entry(request, entry);
   for (std::string& note : check_motion(request, entry)) notes.push_back(std::move(note));
@@ -251,6 +313,23 @@ std::string text_of(const VesselTree& tree, const VesselEnd& end) {
   const auto mm = [&](int axis) { return no_negative_zero(end.position_mm[axis], 1); };
   return fmt::format("{} at ({:.1f}, {:.1f}, {:.1f}) mm{}{}", tree.title(end.branch), mm(0), mm(1), mm(2),
                      side.empty() ? "" : ", on the patient's ", side);
+}
+
+std::string in_words(const Treatment& treatment, const VesselTree& tree) {
+  constexpr double kPercent = 100;
+  const std::string stent =
+      treatment.stent && treatment.is_over
+          ? fmt::format("; stent of {:.2f} by {:.1f} mm, at most {:.2f} mm off the wall", treatment.stent_mm,
+                        treatment.stent_length_mm, treatment.malapposition.largest_mm)
+          : "";
+  return fmt::format(
+             "{} in {}: {:.3g} mm at {:.3g} bar; least diameter {:.2f} mm before, {:.2f} mm after, of {:.2f} "
+             "mm: "
+             "residual stenosis {:.0f} %",
+             treatment.device, tree.title(treatment.branch), treatment.opened_mm, treatment.largest_bar,
+             treatment.least_before_mm, treatment.least_after_mm, treatment.reference_mm,
+             no_negative_zero(kPercent * treatment.residual_stenosis(), 0)) +
+         stent;
 }
 
 std::vector<RunRecord> records_of(const Instruments& instruments, double time_s) {
@@ -289,6 +368,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   const auto step = [&](double time_s) {
     move_to(time_s, phases_at(request.body, time_s));
     if (instruments.is_held()) run.held_s += instruments.step_s();
+    if (keeps_balloon_folded(instruments)) run.not_inflated_s += instruments.step_s();
     tell(time_s);
   };
   tell(0);
@@ -296,7 +376,14 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
     if (request.interval_s == 0) run.records.push_back(records_of(instruments, row.time_s));
   });
   run.last = records_of(instruments, instruments.time_s());
+  run.treatments = instruments.treatments().list();
+  run.notes = notes_on_stents(instruments);
   constexpr double kNoticed_s = 0.05;
+  if (run.not_inflated_s >= kNoticed_s)
+    run.notes.push_back(fmt::format(
+        "a balloon stayed folded for {:.1f} s, because it was not wholly beyond the introducer and "
+        "the instruments around it; advance it before it is inflated",
+        run.not_inflated_s));
   if (run.held_s >= kNoticed_s)
     run.notes.push_back(
         fmt::format("the hub did not advance for {:.1f} s, because the push force would have exceeded {:g} N",
@@ -311,6 +398,7 @@ std::string to_csv(const Run& run) {
   for (std::size_t d = 0; !run.records.empty() && d < run.records.front().size(); ++d) {
     csv += fmt::format(",{}", columns_of(kColumns, d));
     if (moves) csv += columns_of(kMotionColumns, d);
+    if (run.records.front()[d].balloon_mm > 0) csv += columns_of(kBalloonColumns, d);
   }
   csv += '\n';
   for (const std::vector<RunRecord>& row : run.records) {
@@ -319,6 +407,7 @@ std::string to_csv(const Run& run) {
     for (const RunRecord& record : row) {
       csv += fmt::format(",{}", values_of(record));
       if (moves) csv += motion_values_of(record);
+      if (record.balloon_mm > 0) csv += fmt::format(",{:.6g},{:.6g}", record.balloon_bar, record.balloon_mm);
     }
     csv += '\n';
   }

@@ -32,7 +32,8 @@ struct RunRequest {
 };
 
 /// Throws InputError for what cannot be run: no tree, instruments that do not fit into each other or into the
-/// vessel at their entry, a script that inserts one beyond its length, an injection through no lumen or after
+/// vessel at their entry, a script that inserts one beyond its length or inflates what is no balloon or one
+/// beyond its rated burst pressure, a stent longer than any vessel, an injection through no lumen or after
 /// the script's end, and a body that cannot be (see check of BodyRequest). Returns notes: where the
 /// entry was not chosen, other ends that lie as low; an entry that the motion moves away from the introducer.
 std::vector<std::string> check(const RunRequest& request);
@@ -47,6 +48,10 @@ VesselEnd entry_of(const RunRequest& request);
 /// vessel without a name.
 std::string text_of(const VesselTree& tree, const VesselEnd& end);
 
+/// `balloon-6x20 in left renal artery: 6 mm at 8 bar; least diameter 2.51 mm before, 5.90 mm after, of 5.98
+/// mm: residual stenosis 1 %`.
+std::string in_words(const Treatment& treatment, const VesselTree& tree);
+
 /// An instrument's state in a run.
 struct RunRecord {
   double time_s = 0;
@@ -57,6 +62,8 @@ struct RunRecord {
   double contact_force_N = 0;    ///< sum of the magnitudes of their forces
   double deepest_mm = 0;         ///< depth in the wall
   double wall_work_J = 0;        ///< of the moving wall on the instrument so far
+  double balloon_bar = 0;        ///< as far as it is filled; see Instruments::balloon_bar
+  double balloon_mm = 0;         ///< diameter of its balloon; 0 without one
   std::vector<double> phases{};  ///< of the motion's modes; none without a motion
 };
 
@@ -69,8 +76,10 @@ struct Run {
   std::vector<std::vector<RunRecord>> records;  ///< in the order of time, of each instrument
   std::vector<RunRecord> last;                  ///< of each instrument, at the time since it began to move
   double held_s = 0;                            ///< for so long a hub did not advance, because of the force
+  double not_inflated_s = 0;                    ///< for so long a balloon stayed folded, not being free
   std::vector<std::string> notes{};             ///< on the run, besides those of check()
   std::vector<std::string> modes{};             ///< of its motion, in the order of a record's phases
+  std::vector<Treatment> treatments{};          ///< by balloons
 };
 
 /// Is told of the instruments at 0 s, where the hubs are at the script's first poses, and after each step.
@@ -83,7 +92,8 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
 
 /// CSV: a header with the columns' names and units, then a line per record; a group of columns an instrument:
 /// insertion_mm, insertion_2_mm and so on. Of a motion, the modes' phases follow the time, phase_heart and so
-/// on, and each group ends with the tip's place in the scan and the wall's work.
+/// on, and each group ends with the tip's place in the scan and the wall's work. An instrument with a balloon
+/// ends with inflation_bar and balloon_mm.
 std::string to_csv(const Run& run);
 
 }  // namespace xraycast

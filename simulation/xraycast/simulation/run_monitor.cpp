@@ -38,6 +38,34 @@ ReportJson json_of(const InstrumentFigures& f, const std::string& name) {
           {"exchanges", f.exchanges}};
 }
 
+ReportJson json_of(const TreatmentFigures& f) {
+  constexpr double kPercent = 100;
+  const Treatment& t = f.treatment;
+  ReportJson json{{"instrument", t.instrument + 1},
+                  {"device", t.device},
+                  {"vessel", f.vessel},
+                  {"branch", t.branch},
+                  {"from_mm", t.from_mm},
+                  {"to_mm", t.to_mm},
+                  {"from_s", f.began_s},
+                  {"to_s", json_of(f.ended_s)},
+                  {"largest_bar", t.largest_bar},
+                  {"opened_mm", t.opened_mm},
+                  {"least_before_mm", t.least_before_mm},
+                  {"least_after_mm", t.least_after_mm},
+                  {"reference_mm", t.reference_mm},
+                  {"stenosis_before_percent", kPercent * t.stenosis_before()},
+                  {"residual_stenosis_percent", kPercent * t.residual_stenosis()},
+                  {"balloon_to_vessel", t.balloon_to_vessel()},
+                  {"off_narrowest_mm", t.off_narrowest_mm}};
+  if (!t.stent) return json;
+  json["stent_mm"] = t.stent_mm;
+  json["stent_length_mm"] = t.stent_length_mm;
+  json["malapposition_mm"] = t.malapposition.largest_mm;
+  json["malapposed_percent"] = kPercent * t.malapposition.share;
+  return json;
+}
+
 ReportJson json_of(const ExerciseProgress& progress) {
   const ExerciseState& state = progress.state();
   ReportJson json{{"title", progress.exercise().title},       {"is_complete", state.is_complete()},
@@ -100,6 +128,8 @@ std::string RunMonitor::json(bool has_series) const {
   json["instruments"] = ReportJson::array();
   for (std::size_t d = 0; d < names_.size(); ++d)
     json["instruments"].push_back(json_of(figures.instruments[d], names_[d]));
+  for (const TreatmentFigures& treatment : figures.treatments)
+    json["treatments"].push_back(json_of(treatment));
   if (progress_) json["exercise"] = json_of(*progress_);
   if (!has_series) return json.dump();
   json["series"] = json_of(report_.series());

@@ -67,6 +67,7 @@ void RunReport::add(const Instruments& instruments, const RunUse& use) {
     figures_.instruments[d].idle_s = static_cast<double>(ways_[d].idle_steps) * step_s;
     if (steps_ % kWindow_steps == 0) add_window(d, instruments);
   }
+  add_treatments(instruments);
   if (figures_.time_s >= static_cast<double>(series_.time_s.size()) * kSeries_s) add_series(instruments);
 }
 
@@ -88,6 +89,7 @@ bool RunReport::add_hub(std::size_t instrument, const Instruments& instruments) 
   const HubPose& pose = instruments.pose(instrument);
   const double moved_mm = pose.insertion_mm - way.before.insertion_mm,
                turned_rad = pose.rotation_rad - way.before.rotation_rad, step_s = instruments.step_s();
+  const bool inflates = pose.inflation_bar != way.before.inflation_bar;
   way.before = pose;
   figures.turned_rad += std::abs(turned_rad);
   if (way.insertion.turns_back(pose.insertion_mm, kTurnsBack_mm)) ++figures.reversals;
@@ -97,7 +99,7 @@ bool RunReport::add_hub(std::size_t instrument, const Instruments& instruments) 
     figures.path_mm += away_mm;
     way.counted_mm = tip_mm;
   }
-  return std::abs(moved_mm) > kIdle_mm_s * step_s || std::abs(turned_rad) > kIdle_rad_s * step_s;
+  return std::abs(moved_mm) > kIdle_mm_s * step_s || std::abs(turned_rad) > kIdle_rad_s * step_s || inflates;
 }
 
 void RunReport::add_loads(std::size_t instrument, const Instruments& instruments) {
@@ -122,6 +124,19 @@ void RunReport::add_loads(std::size_t instrument, const Instruments& instruments
   figures.wall_impulse_Ns += std::max(0.0, wall_N - kWall_N) * step_s;
   way.wall_N = std::max(way.wall_N, wall_N);
   wall_N_ = std::max(wall_N_, wall_N);
+}
+
+void RunReport::add_treatments(const Instruments& instruments) {
+  const std::vector<Treatment>& list = instruments.treatments().list();
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    if (i == figures_.treatments.size())
+      figures_.treatments.push_back({.treatment = {}, .began_s = figures_.time_s});
+    TreatmentFigures& figures = figures_.treatments[i];
+    if (figures.ended_s) continue;
+    figures.treatment = list[i];
+    figures.vessel = instruments.tree().title(list[i].branch);
+    if (list[i].is_over) figures.ended_s = figures_.time_s;
+  }
 }
 
 void RunReport::add_window(std::size_t instrument, const Instruments& instruments) {

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -37,11 +38,21 @@ struct RunUse {
   std::optional<double> contrast_ml{};
 };
 
+/// What was done to a vessel in a run so far.
+struct TreatmentFigures {
+  Treatment treatment;   ///< whose times are the instruments'
+  std::string vessel{};  ///< the branch in words
+  /// Of the run's time; none while it goes on.
+  double began_s = 0;
+  std::optional<double> ended_s{};
+};
+
 struct RunFigures {
-  double time_s = 0;  ///< since a hub moved first
+  double time_s = 0;  ///< since a hub moved first, or its pressure changed
   double idle_s = 0;  ///< of that, in which no hub moved
   RunUse use;
   std::vector<InstrumentFigures> instruments;  ///< from the outermost on
+  std::vector<TreatmentFigures> treatments{};  ///< in the order in which they began
 };
 
 /// How a run went over its time, for plots: values of each instrument, `RunReport::kSeries_s` apart.
@@ -113,6 +124,7 @@ class RunReport {
   static void begin_window(Way& way, const HubPose& pose, const InstrumentTip& tip);
   bool add_hub(std::size_t instrument, const Instruments& instruments);
   void add_loads(std::size_t instrument, const Instruments& instruments);
+  void add_treatments(const Instruments& instruments);
   void add_window(std::size_t instrument, const Instruments& instruments);
   void add_series(const Instruments& instruments);
 

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <sstream>
 #include <string_view>
 
@@ -38,11 +39,16 @@ std::vector<std::string> column_names(std::size_t instruments) {
   return names;
 }
 
+/// Of an instrument's balloon, which may be left out.
+std::string inflation_name(std::size_t instrument) {
+  return instrument == 0 ? "inflation_bar" : fmt::format("inflation_{}_bar", instrument + 1);
+}
+
 std::string wanted_columns(const std::vector<std::string>& wanted) {
   const std::size_t instruments = (wanted.size() - 1) / 2;
-  return fmt::format("a script{} has {}",
+  return fmt::format("a script{} has {} and, of balloons, {}",
                      instruments > 1 ? fmt::format(" of {} instruments", instruments) : "",
-                     fmt::join(wanted, ","));
+                     fmt::join(wanted, ","), inflation_name(0));
 }
 
 /// The instruments that a script's columns are for.
@@ -52,7 +58,13 @@ std::size_t instruments_in(const std::vector<std::string>& names) {
   return instruments;
 }
 
-/// Throws InputError for columns besides those wanted.
+bool is_inflation(const std::string& name, std::size_t instruments) {
+  for (std::size_t d = 0; d < instruments; ++d)
+    if (name == inflation_name(d)) return true;
+  return false;
+}
+
+/// Throws InputError for columns besides those wanted and those of balloons.
 void check_others(const std::vector<std::string>& names, const std::vector<std::string>& wanted,
                   const std::string& origin) {
   if (const std::size_t instruments = instruments_in(names); wanted.size() < column_names(instruments).size())
@@ -62,15 +74,20 @@ void check_others(const std::vector<std::string>& names, const std::vector<std::
   for (auto name = names.begin(); name != names.end(); ++name) {
     if (std::find(names.begin(), name, *name) != name)
       throw InputError("{}: line 1: column {} twice; {}", origin, excerpt(*name), wanted_columns(wanted));
-    if (std::ranges::find(wanted, *name) == wanted.end())
+    if (std::ranges::find(wanted, *name) == wanted.end() && !is_inflation(*name, wanted.size() / 2))
       throw InputError("{}: line 1: unknown column \"{}\"; {}", origin, excerpt(*name),
                        wanted_columns(wanted));
   }
 }
 
-/// The index of each of the columns wanted.
-std::vector<std::size_t> columns(const std::string& header, const std::vector<std::string>& wanted,
-                                 const std::string& origin) {
+/// The index of each of the columns wanted, and of those of balloons.
+struct Columns {
+  std::vector<std::size_t> wanted;
+  std::vector<std::optional<std::size_t>> inflations;  ///< one an instrument
+  std::size_t count = 0;
+};
+Columns columns(const std::string& header, const std::vector<std::string>& wanted,
+                const std::string& origin) {
   std::string text = header;
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the byte order mark that spreadsheets write
   const std::vector<std::string> names = cells(text);
@@ -78,14 +95,19 @@ std::vector<std::size_t> columns(const std::string& header, const std::vector<st
     throw InputError(
         "{}: line 1: semicolons; separate columns by commas, and write decimals with a point, not a comma",
         origin);
-  std::vector<std::size_t> at;
+  Columns at{.wanted = {}, .inflations = {}, .count = names.size()};
   for (const std::string& name : wanted) {
     const auto found = std::ranges::find(names, name);
     if (found == names.end())
       throw InputError("{}: line 1: no column {}; {}", origin, name, wanted_columns(wanted));
-    at.push_back(static_cast<std::size_t>(found - names.begin()));
+    at.wanted.push_back(static_cast<std::size_t>(found - names.begin()));
   }
   check_others(names, wanted, origin);
+  for (std::size_t d = 0; d < wanted.size() / 2; ++d) {
+    const auto found = std::ranges::find(names, inflation_name(d));
+    at.inflations.emplace_back();
+    if (found != names.end()) at.inflations.back() = static_cast<std::size_t>(found - names.begin());
+  }
   return at;
 }
 
@@ -117,8 +139,12 @@ void check_pace(const HubPose& from, const HubPose& to, double time_s, const std
   const double speed = std::abs(to.insertion_mm - from.insertion_mm) / time_s;
   const double turning = std::abs(to.rotation_rad - from.rotation_rad) / time_s;
   constexpr double kRounding = 1 + 1e-9;
-  const double least_s = rounded_up(
-      time_s * std::max(speed / MovingHub::kMaxSpeed_mm_s, turning / MovingHub::kMaxSpeed_rad_s) / kRounding);
+  const double inflating = std::abs(to.inflation_bar - from.inflation_bar) / time_s;
+  const double least_s =
+      rounded_up(time_s *
+                 std::max({speed / MovingHub::kMaxSpeed_mm_s, turning / MovingHub::kMaxSpeed_rad_s,
+                           inflating / MovingHub::kMaxInflation_bar_s}) /
+                 kRounding);
   if (speed > MovingHub::kMaxSpeed_mm_s * kRounding)
     throw InputError("{}: {} would move at {} mm/s; the maximum is {} mm/s: give this motion at least {} s",
                      where, hub, plain(speed), MovingHub::kMaxSpeed_mm_s, plain(least_s));
@@ -126,6 +152,11 @@ void check_pace(const HubPose& from, const HubPose& to, double time_s, const std
     throw InputError(
         "{}: {} would turn at {} deg/s; the maximum is {:.0f} deg/s: give this motion at least {} s", where,
         hub, plain(turning / kRadians), MovingHub::kMaxSpeed_rad_s / kRadians, plain(least_s));
+  if (inflating > MovingHub::kMaxInflation_bar_s * kRounding)
+    throw InputError(
+        "{}: the pressure at {} would change by {} bar/s; the maximum is {} bar/s: give this change at least "
+        "{} s",
+        where, hub, plain(inflating), MovingHub::kMaxInflation_bar_s, plain(least_s));
 }
 
 /// `names`: of the columns.
@@ -141,6 +172,10 @@ void check_row(const Script& script, std::size_t r, const std::vector<std::strin
     if (row.pose_of(d).insertion_mm < 0)
       throw InputError("{}: {} {} is below zero; at 0 the tip is at the vessel's end", where,
                        names[1 + 2 * d], row.pose_of(d).insertion_mm);
+  for (std::size_t d = 0; d < instruments; ++d)
+    if (row.pose_of(d).inflation_bar < 0)
+      throw InputError("{}: {} {} is below zero; at 0 a balloon is folded", where, inflation_name(d),
+                       row.pose_of(d).inflation_bar);
   if (r == 0) return;
   const Script::Row& before = script.rows()[r - 1];
   if (!(row.time_s > before.time_s))
@@ -159,7 +194,7 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
   std::string line;
   if (!std::getline(lines, line))
     throw InputError("{}: empty; a script starts with {}", origin, fmt::join(names, ","));
-  const std::vector<std::size_t> at = columns(line, names, origin);
+  const Columns at = columns(line, names, origin);
 
   std::vector<Row> rows;
   int number_of_line = 1, blank_line = 0;
@@ -173,18 +208,20 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
     if (blank_line > 0)
       throw InputError("{}: line {}: a blank line between rows; remove it", origin, blank_line);
     const std::vector<std::string> values = cells(line);
-    if (values.size() != names.size())
+    if (values.size() != at.count)
       throw InputError("{}: {}, but the first line names {} columns", where,
-                       pluralize(values.size(), "value"), names.size());
+                       pluralize(values.size(), "value"), at.count);
     Row row;
     row.line = number_of_line;
-    row.time_s = number(values[at[0]], names[0], where);
+    row.time_s = number(values[at.wanted[0]], names[0], where);
     row.inner_poses.resize(instruments - 1);
     for (std::size_t d = 0; d < instruments; ++d) {
       HubPose& pose = d == 0 ? row.pose : row.inner_poses[d - 1];
       const std::size_t insertion = 1 + 2 * d, rotation = 2 + 2 * d;
-      pose.insertion_mm = number(values[at[insertion]], names[insertion], where);
-      pose.rotation_rad = kRadians * number(values[at[rotation]], names[rotation], where);
+      pose.insertion_mm = number(values[at.wanted[insertion]], names[insertion], where);
+      pose.rotation_rad = kRadians * number(values[at.wanted[rotation]], names[rotation], where);
+      if (const auto& column = at.inflations[d])
+        pose.inflation_bar = number(values[*column], inflation_name(d), where);
     }
     rows.push_back(row);
   }
@@ -217,7 +254,8 @@ HubPose Script::pose_at(double time_s, std::size_t instrument) const {
   const double fraction = (time_s - from.time_s) / (to.time_s - from.time_s);
   const HubPose &start = from.pose_of(instrument), &end = to.pose_of(instrument);
   return {std::lerp(start.insertion_mm, end.insertion_mm, fraction),
-          std::lerp(start.rotation_rad, end.rotation_rad, fraction)};
+          std::lerp(start.rotation_rad, end.rotation_rad, fraction),
+          std::lerp(start.inflation_bar, end.inflation_bar, fraction)};
 }
 
 }  // namespace xraycast

@@ -4,6 +4,7 @@
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/same_scan.hpp"
+#include "xraycast/scene/stent_surface.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 
 #include <algorithm>
@@ -74,6 +75,7 @@ bool RunCine::advance(const Instruments& instruments, double time_s) {
 bool RunCine::takes_frame(const Instruments& instruments, double time_s) {
   const bool exposes = is_exposed(time_s);
   if (time_s <= 0 || !(exposes || time_s >= next_flow_s_)) return false;
+  take_walls(instruments);
   const std::optional<std::size_t> outlet = agent_outlet(instruments);
   inject(place_of(instruments.tip(outlet.value_or(0))), outlet.has_value(), time_s);
   if (!exposes || time_s < begin_s()) return false;
@@ -121,6 +123,19 @@ void RunCine::inject(const VesselTree::Location& tip, bool is_lumen_free, double
   if (is_before_injection(time_s)) window_.black = opacified_tau(tip);
 }
 
+/// Where walls have yielded since the last frame.
+void RunCine::take_walls(const Instruments& instruments) {
+  if (instruments.wall_changes() == wall_changes_) return;
+  wall_changes_ = instruments.wall_changes();
+  const VesselTree widened = instruments.widened_tree();
+  contrast_ = ContrastSurface(widened);
+  bolus_.take_radii(widened);
+  road_map_ = RoadMap(widened);
+  if (!options_.body.motion) return;
+  Progress progress;
+  contrast_points_.emplace(contrast_.whole().mesh.points_mm, *options_.body.motion, progress);
+}
+
 bool RunCine::is_before_injection(double time_s) const {
   return time_s <= options_.injection.from_s || acquisition_.mask_frames() == 0;
 }
@@ -141,9 +156,11 @@ std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double
     instruments.copy_nodes(d, nodes_mm);
     if (later_s != 0 && d < before_mm_.size())
       nodes_mm = moved_on(nodes_mm, before_mm_[d], time_s - before_s_, later_s);
-    for (Surface& surface : instrument_surfaces(nodes_mm, instruments.rod(d).instrument()))
+    for (Surface& surface : instrument_surfaces(nodes_mm, instruments.rod(d).instrument(),
+                                                {instruments.balloon_bar(d), instruments.carries_stent(d)}))
       surfaces.push_back(std::move(surface));
   }
+  add_stents(instruments, surfaces);
   if (options_.picture.style.look != Look::fluoro) return surfaces;
   const std::vector<double> phases =
       later_s == 0 ? std::vector(instruments.phases().begin(), instruments.phases().end())
@@ -154,6 +171,19 @@ std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double
   return surfaces;
 }
 
+/// Where the body shows them at the instant; a pulse does not blur them.
+void RunCine::add_stents(const Instruments& instruments, std::vector<Surface>& surfaces) const {
+  for (const PlacedStent& stent : instruments.treatments().stents())
+    for (Surface& surface : stent_surfaces(stent, tree_)) {
+      if (options_.body.motion && !instruments.phases().empty()) {
+        const HeldMotion held = options_.body.motion->held_at(instruments.phases());
+        for (glm::vec3& point_mm : surface.mesh.points_mm)
+          point_mm = glm::vec3(held.inverse_mm(glm::dvec3(point_mm)).x_mm);
+      }
+      surfaces.push_back(std::move(surface));
+    }
+}
+
 void RunCine::place(const Instruments& instruments, double time_s) {
   if (!instruments.phases().empty()) renderer_.set_phases(instruments.phases());
   std::vector<Surface> surfaces = surfaces_of(instruments, 0, time_s);
@@ -162,7 +192,10 @@ void RunCine::place(const Instruments& instruments, double time_s) {
     surfaces = seen_by_pulse(surfaces_of(instruments, -from_middle_s, time_s), std::move(surfaces),
                              surfaces_of(instruments, from_middle_s, time_s), blur_.pixel_mm);
   }
-  for (std::size_t s = 0; s < surfaces.size(); ++s) renderer_.replace_surface(s, surfaces[s]);
+  if (surfaces.size() != placed_) renderer_.set_surfaces(surfaces);
+  for (std::size_t s = 0; s < surfaces.size() && surfaces.size() == placed_; ++s)
+    renderer_.replace_surface(s, surfaces[s]);
+  placed_ = surfaces.size();
 }
 
 /// For the way of the instruments in a pulse.

@@ -24,7 +24,7 @@ View no_smaller(View view, const BodyBounds& bounds);
 /// The frames of a catheter's run with a fixed C-arm: the body, the instruments, contrast agent while it is
 /// injected, and without a fluoroscope the vessels' outline as a road map; or a run of digital subtraction
 /// angiography, which begins half a second before the injection and whose frames until then are its mask.
-/// Needs a current OpenGL context.
+/// Walls that yield to a balloon are shown by contrast agent and road map. Needs a current OpenGL context.
 class RunCine {
  public:
   struct Options {
@@ -75,10 +75,12 @@ class RunCine {
   bool is_before_injection(double time_s) const;
   double opacified_tau(const VesselTree::Location& tip) const;
   void inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s);
+  void take_walls(const Instruments& instruments);
   bool takes_frame(const Instruments& instruments, double time_s);
   bool is_exposed(double time_s);
   void note_r_wave(double time_s);
   std::vector<Surface> surfaces_of(const Instruments& instruments, double later_s, double time_s);
+  void add_stents(const Instruments& instruments, std::vector<Surface>& surfaces) const;
   void place(const Instruments& instruments, double time_s);
   void remember(const Instruments& instruments, double time_s);
 
@@ -90,6 +92,8 @@ class RunCine {
   ContrastSurface contrast_;
   std::optional<MovingPoints> contrast_points_;
   RoadMap road_map_;
+  std::size_t placed_ = 0;  ///< surfaces
+  long wall_changes_ = 0;   ///< that pictures show; see Instruments
   SubtractionWindow window_;
   std::vector<float> tau_;
   double last_s_ = 0, next_flow_s_ = 0, injected_ml_ = 0, withheld_ml_ = 0;

@@ -59,6 +59,24 @@ constexpr std::array<Figure, 14> kOfInstrument{
      {"slips", "slips", "", 0},
      {"whips", "whips", "", 0},
      {"exchanges", "exchanges", "", 0}}};
+constexpr std::array<Figure, 17> kOfTreatment{
+    {{"from_s", "begun", "s", 1},
+     {"to_s", "ended", "s", 1},
+     {"from_mm", "from, along the vessel", "mm", 1},
+     {"to_mm", "to, along the vessel", "mm", 1},
+     {"largest_bar", "largest pressure", "bar", 1},
+     {"opened_mm", "opened to", "mm", 2},
+     {"reference_mm", "reference diameter", "mm", 2},
+     {"balloon_to_vessel", "balloon to vessel", "", 2},
+     {"least_before_mm", "least diameter before", "mm", 2},
+     {"least_after_mm", "least diameter after", "mm", 2},
+     {"stenosis_before_percent", "stenosis before", "%", 0},
+     {"residual_stenosis_percent", "residual stenosis", "%", 0},
+     {"off_narrowest_mm", "off the narrowest place", "mm", 1},
+     {"stent_mm", "stent's diameter", "mm", 2},
+     {"stent_length_mm", "stent's length", "mm", 1},
+     {"malapposition_mm", "struts off the wall, largest", "mm", 2},
+     {"malapposed_percent", "length of struts off the wall", "%", 0}}};
 constexpr std::array<Figure, 5> kCurves{{{"insertion_mm", "insertion", "mm", 0},
                                          {"tip_path_mm", "path of the tip", "mm", 0},
                                          {"force_N", "force at the hub", "N", 0},
@@ -66,7 +84,7 @@ constexpr std::array<Figure, 5> kCurves{{{"insertion_mm", "insertion", "mm", 0},
                                          {"wall_force_N", "force on the wall", "N", 0}}};
 constexpr std::size_t kMostInstruments = 3, kMostValues = 100'000, kMostRuns = 1000;
 // Of an exercise; entries into at most so many forbidden vessels may be many.
-constexpr std::size_t kMostTargets = 100, kMostNotes = 10;
+constexpr std::size_t kMostTargets = 100, kMostTreatments = 100, kMostNotes = 10;
 
 // ---- reading
 
@@ -195,6 +213,12 @@ SavedRun saved_run(SavedJson json, const std::string& name, const std::string& o
     run.of_instruments.push_back(figures_in(instrument, kOfInstrument, origin + ": \"instruments\""));
     run.instruments.push_back(text_in(instrument, "name", origin));
   }
+  for (const SavedJson& treatment : list_in(json, "treatments", kMostTreatments, origin)) {
+    const std::string where = origin + ": \"treatments\"";
+    run.of_treatments.push_back(figures_in(treatment, kOfTreatment, where));
+    run.treatments.push_back(text_in(treatment, "device", where) + " in " +
+                             text_in(treatment, "vessel", where));
+  }
   if (const SavedJson* exercise = find(json, "exercise"))
     read_exercise(*exercise, origin + ": \"exercise\"", run);
   run.notes = notes_in(json, origin);
@@ -222,6 +246,12 @@ std::string value_of(const std::map<std::string, double>& figures, const Figure&
 std::size_t most_instruments(const std::vector<SavedRun>& runs) {
   std::size_t most = 0;
   for (const SavedRun& run : runs) most = std::max(most, run.of_instruments.size());
+  return most;
+}
+
+std::size_t most_treatments(const std::vector<SavedRun>& runs) {
+  std::size_t most = 0;
+  for (const SavedRun& run : runs) most = std::max(most, run.of_treatments.size());
   return most;
 }
 
@@ -278,6 +308,15 @@ std::string table_of(const std::vector<SavedRun>& runs) {
     for (const Figure& figure : kOfInstrument)
       html += row(figure.words, runs, [&](const SavedRun& run) {
         return d < run.of_instruments.size() ? value_of(run.of_instruments[d], figure) : std::string();
+      });
+  }
+  for (std::size_t t = 0; t < most_treatments(runs); ++t) {
+    html += row(fmt::format("treatment {}", t + 1), runs, [&](const SavedRun& run) {
+      return t < run.treatments.size() ? run.treatments[t] : std::string();
+    });
+    for (const Figure& figure : kOfTreatment)
+      html += row(figure.words, runs, [&](const SavedRun& run) {
+        return t < run.of_treatments.size() ? value_of(run.of_treatments[t], figure) : std::string();
       });
   }
   html +=
@@ -389,6 +428,11 @@ std::string csv_of(const std::vector<SavedRun>& runs) {
     csv += fmt::format(",instrument_{}", d + 1);
     for (const Figure& figure : kOfInstrument) csv += fmt::format(",{}_{}", figure.name, d + 1);
   }
+  const std::size_t treatments = most_treatments(runs);
+  for (std::size_t t = 1; t <= treatments; ++t) {
+    csv += fmt::format(",treatment_{}", t);
+    for (const Figure& figure : kOfTreatment) csv += fmt::format(",treatment_{}_{}", t, figure.name);
+  }
   csv += '\n';
   const auto add = [&](const std::map<std::string, double>& figures, const Figure& figure) {
     const auto at = figures.find(figure.name);
@@ -403,6 +447,12 @@ std::string csv_of(const std::vector<SavedRun>& runs) {
       csv += fmt::format(",{}", has ? quoted(run.instruments[d]) : "");
       for (const Figure& figure : kOfInstrument)
         add(has ? run.of_instruments[d] : std::map<std::string, double>{}, figure);
+    }
+    for (std::size_t t = 0; t < treatments; ++t) {
+      const bool has = t < run.of_treatments.size();
+      csv += fmt::format(",{}", has ? quoted(run.treatments[t]) : "");
+      for (const Figure& figure : kOfTreatment)
+        add(has ? run.of_treatments[t] : std::map<std::string, double>{}, figure);
     }
     csv += '\n';
   }

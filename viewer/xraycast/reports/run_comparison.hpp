@@ -17,7 +17,10 @@ struct SavedRun {
   std::vector<std::string> instruments;                       ///< from the outermost on
   std::map<std::string, double> figures;                      ///< of the run, those that it has
   std::vector<std::map<std::string, double>> of_instruments;  ///< the same of each instrument
-  std::string exercise{};                                     ///< its title; empty: none
+  /// What was done to vessels, in words, such as `balloon-6x20 in left renal artery`, and its figures.
+  std::vector<std::string> treatments{};
+  std::vector<std::map<std::string, double>> of_treatments{};
+  std::string exercise{};  ///< its title; empty: none
   bool is_complete = false, is_passed = false;
   /// In words, each with what became of it, such as `7.8 s`.
   std::vector<std::pair<std::string, std::string>> outcomes{};

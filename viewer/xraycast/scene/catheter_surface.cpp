@@ -36,8 +36,12 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
 }
 
 std::vector<Surface> instrument_surfaces(const std::vector<glm::dvec3>& nodes_mm,
-                                         const InstrumentModel& instrument) {
-  return instrument_surfaces(nodes_mm, instrument.radius_mm(), instrument.inner_radius_mm() > 0);
+                                         const InstrumentModel& instrument, const BalloonView& balloon) {
+  std::vector<Surface> surfaces =
+      instrument_surfaces(nodes_mm, instrument.radius_mm(), instrument.inner_radius_mm() > 0);
+  for (Surface& surface : balloon_surfaces(nodes_mm, instrument, balloon))
+    surfaces.push_back(std::move(surface));
+  return surfaces;
 }
 
 std::vector<InstrumentPart> instrument_parts(const std::vector<glm::dvec3>& nodes_mm, bool has_lumen) {

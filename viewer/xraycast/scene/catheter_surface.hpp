@@ -2,6 +2,7 @@
 
 #include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/scene/balloon_surface.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
 
@@ -27,8 +28,9 @@ std::vector<InstrumentPart> instrument_parts(const std::vector<glm::dvec3>& node
 /// The surfaces of an instrument, one a part.
 std::vector<Surface> instrument_surfaces(const std::vector<glm::dvec3>& nodes_mm, double radius_mm,
                                          bool has_lumen);
+/// And those of its balloon (see balloon_surfaces).
 std::vector<Surface> instrument_surfaces(const std::vector<glm::dvec3>& nodes_mm,
-                                         const InstrumentModel& instrument);
+                                         const InstrumentModel& instrument, const BalloonView& balloon = {});
 
 /// The surfaces of all instruments of a session.
 std::vector<Surface> steered_surfaces(const SteeredInstruments& steered);

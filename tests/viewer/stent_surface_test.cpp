@@ -1,0 +1,87 @@
+#include "xraycast/scene/stent_surface.hpp"
+
+#include "xraycast/mechanics/instrument_model.hpp"
+#include "xraycast/scene/balloon_surface.hpp"
+#include "xraycast/scene/scene.hpp"
+
+#include <glm/geometric.hpp>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace xraycast::stent_surface_test {
+namespace {
+
+TEST(StentSurface, LiesOnItsCylinder) {
+  const StentModel stent = *InstrumentModel::named("stent-6x18").stent();
+  const std::vector<Surface> surfaces =
+      stent_surfaces(stent, 3, [](double beyond_mm) { return glm::dvec3(1, 2, beyond_mm); });
+  ASSERT_EQ(surfaces.size(), static_cast<std::size_t>(stent.rings + (stent.rings - 1) * stent.links));
+  float lowest_mm = 0, highest_mm = 0;
+  for (const Surface& surface : surfaces) {
+    check(surface);
+    EXPECT_GT(volume_mm3(surface.mesh), 0);
+    for (const glm::vec3& point : surface.mesh.points_mm) {
+      const double from_axis_mm = std::hypot(point.x - 1.0F, point.y - 2.0F);
+      // Of a strut half as thick at most; a chord between crowns 15 degrees apart cuts 0.026 mm, and the
+      // mitre at a crown sticks out by its sharpness.
+      EXPECT_NEAR(from_axis_mm, 3, 0.06 + 0.2);
+      lowest_mm = std::min(lowest_mm, point.z);
+      highest_mm = std::max(highest_mm, point.z);
+    }
+  }
+  // 18 mm long, and the wire's thickness with its mitres.
+  EXPECT_NEAR(highest_mm - lowest_mm, 18, 0.5);
+  EXPECT_GT(highest_mm - lowest_mm, 18);
+}
+
+TEST(StentSurface, LinksJoinCrowns) {
+  const StentModel stent = *InstrumentModel::named("stent-6x18").stent();
+  const std::vector<Surface> surfaces =
+      stent_surfaces(stent, 3, [](double beyond_mm) { return glm::dvec3(0, 0, beyond_mm); });
+  // Ring, three links, ring: the first link's ends lie within a strut's thickness of a point of either ring.
+  const auto nearest_mm = [](const Surface& ring, const glm::vec3& point) {
+    float nearest = 1e9F;
+    for (const glm::vec3& other : ring.mesh.points_mm)
+      nearest = std::min(nearest, glm::distance(other, point));
+    return nearest;
+  };
+  const std::vector<glm::vec3>& link = surfaces[1].mesh.points_mm;
+  EXPECT_LT(nearest_mm(surfaces[0], link.front()), 0.12F);
+  EXPECT_LT(nearest_mm(surfaces[4], link.back()), 0.12F);
+}
+
+TEST(BalloonSurface, IsAsWideAsItIsFilled) {
+  const InstrumentModel model = InstrumentModel::named("stent-6x18");
+  std::vector<glm::dvec3> nodes_mm;
+  for (int i = 0; i <= 60; ++i) nodes_mm.emplace_back(0, 0, 2 * i);
+  const auto width_mm = [&](const Surface& surface) {
+    float widest = 0;
+    for (const glm::vec3& point : surface.mesh.points_mm)
+      widest = std::max(widest, std::hypot(point.x, point.y));
+    return 2 * widest;
+  };
+  const std::vector<Surface> folded = balloon_surfaces(nodes_mm, model, {}),
+                             filled = balloon_surfaces(nodes_mm, model, {.bar = 8}),
+                             carried = balloon_surfaces(nodes_mm, model, {.bar = 8, .carries_stent = true});
+  ASSERT_EQ(folded.size(), 3u);
+  EXPECT_TRUE(folded[2].mesh.points_mm.empty());
+  for (const Surface& surface : filled) check(surface);
+  EXPECT_NEAR(width_mm(filled[2]), 6, 0.01);
+  // 20 mm of cylinder, whose middle is 18 mm from the tip at 120 mm, and cones.
+  double middle_mm = 0;
+  for (const glm::vec3& point : filled[2].mesh.points_mm) middle_mm += point.z;
+  EXPECT_NEAR(middle_mm / static_cast<double>(filled[2].mesh.points_mm.size()), 102, 0.1);
+  // A marker at either end of it, a millimetre long.
+  EXPECT_NEAR(filled[0].mesh.points_mm.front().z, 112, 0.6 + 0.83);
+  EXPECT_NEAR(filled[1].mesh.points_mm.front().z, 92, 0.6 + 0.83);
+  EXPECT_GT(filled[0].mu_per_mm, filled[2].mu_per_mm);
+  EXPECT_GT(carried.size(), 3u);
+  EXPECT_NEAR(width_mm(carried[3]), 6.24, 0.3);
+  EXPECT_TRUE(balloon_surfaces(nodes_mm, InstrumentModel::named("cobra-5f"), {}).empty());
+}
+
+}  // namespace
+}  // namespace xraycast::stent_surface_test
