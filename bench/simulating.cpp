@@ -2,6 +2,7 @@
 #include "simulating.hpp"
 
 #include "suite.hpp"
+#include "xraycast/blood_flow/tree_flow.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -61,6 +62,41 @@ double p999_ms(InstrumentSteps& steps) {
   return times_ms[kSteps * 999 / 1000 - 1];
 }
 
+/// 60 branches, of which every sixth has a stenosis.
+VesselTree forking_vessels() {
+  constexpr int kBranches = 60, kPoints = 50, kEverySixth = 6;
+  std::vector<VesselBranch> branches;
+  for (int b = 0; b < kBranches; ++b) {
+    const int parent = (b + 1) / 2 - 1;  // -1 of the first one
+    const VesselPoint start =
+        b == 0 ? VesselPoint{{0, 0, 0}, 10} : branches[static_cast<std::size_t>(parent)].points.back();
+    VesselBranch& branch = branches.emplace_back();
+    branch.parent = parent;
+    for (int i = 0; i < kPoints; ++i) {
+      const bool is_narrow = b % kEverySixth == 0 && i > kPoints / 3 && i < kPoints / 2;
+      const glm::dvec3 way{b % 2 == 0 ? 0.4 : -0.4, 0.01 * b, -0.6};
+      branch.points.push_back(
+          {start.position_mm + way * static_cast<double>(i), 0.8 * start.radius_mm * (is_narrow ? 0.5 : 1)});
+    }
+  }
+  return {std::move(branches), "forking vessels"};
+}
+
+/// The blood in those vessels.
+class BloodSteps {
+ public:
+  /// The time of the next step's share in a step of the instruments.
+  double next_ms() {
+    constexpr double kInstruments_s = 1e-3;
+    return kInstruments_s / TreeFlow::kLongestStep_s *
+           wall_ms([&] { flow_.step(TreeFlow::kLongestStep_s, {}, 0); });
+  }
+
+ private:
+  VesselTree tree_ = forking_vessels();
+  TreeFlow flow_{tree_, {}};
+};
+
 }  // namespace
 
 std::shared_ptr<const Motion> breath_and_heart() {
@@ -117,6 +153,8 @@ std::vector<Row> add_simulating(Bench&) {
   const auto steps = std::make_shared<InstrumentSteps>(1, 200, 2.5);
   add("rod_step_200", [steps] { return steps->next_ms(); });
   add("rod_step_200_p999", [steps] { return p999_ms(*steps); })->Iterations(1);
+  const auto blood = std::make_shared<BloodSteps>();
+  add("blood_60_branches", [blood] { return blood->next_ms(); });
   const auto pair = std::make_shared<InstrumentSteps>(2, 200, 2.5);
   add("two fifths of a deadline", [] { return 0.4; });
   add("coaxial_step_2x200", [pair] { return pair->next_ms(); });
@@ -131,6 +169,7 @@ std::vector<Row> add_simulating(Bench&) {
   using enum Row::Bar;
   return {{"rod_step_200", "quarter of a deadline", at_most, 1},
           {"rod_step_200_p999", "deadline", at_most, 1},
+          {"blood_60_branches", "rod_step_200", at_most, 0.1},
           {"coaxial_step_2x200", "two fifths of a deadline", at_most, 1},
           {"coaxial_step_2x200_p999", "deadline", at_most, 1},
           {"rod_step_200_in_motion", "rod_step_200", at_most, 1.25},

@@ -117,6 +117,7 @@ int main(int argc, char** argv) {
   cli::add_vesselness(app, invocation);
   cli::add_render(app, invocation);
   cli::add_compare(app, invocation);
+  cli::add_flow(app, invocation);
   cli::add_simulate(app, invocation);
   cli::add_report(app, invocation);
   cli::add_export(app, invocation);

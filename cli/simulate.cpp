@@ -16,6 +16,7 @@
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/reports/hub_plot.hpp"
+#include "xraycast/reports/pressure_plot.hpp"
 #include "xraycast/reports/run_comparison.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/vessels.hpp"
@@ -37,7 +38,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct SimulateArguments {
-  std::string tree, log, plot, exercise, report;
+  std::string tree, log, plot, pressure_plot, exercise, report;
   RunOptions run;
   std::string map, cine, look = "fluoro";
   std::vector<std::string> objects;
@@ -114,7 +115,7 @@ class Cine {
                                 .picture = picture_with_masks(options, request.body),
                                 .injection = parse_injection(options.injection),
                                 .implants = surfaces_of(implants),
-                                .blood = {.heart_rate_bpm = parse_heart_rate(options.injection)},
+                                .blood = request.blood,
                                 .body = request.body};
     if (request.body.motion && !map->keys)
       invocation.say(
@@ -167,8 +168,8 @@ void check_cine(const SimulateArguments& options) {
       throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
     return check_not_given(*options.command,
                            {"--map", "--look", "--inject", "--injection-rate", "--injection-volume",
-                            "--iodine", "--heart-rate", "--mask-shift", "--mask-phase", "--max-opacification",
-                            "--gate", "--angle", "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
+                            "--iodine", "--mask-shift", "--mask-phase", "--max-opacification", "--gate",
+                            "--angle", "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
                            "without pictures of the run; leave it out or give --cine too");
   }
   const PictureOptions picture = picture_of(options);
@@ -179,7 +180,6 @@ void check_cine(const SimulateArguments& options) {
   const Injection injection = parse_injection(options.injection);
   if (subtracts && injection.volume_ml() == 0)
     throw InputError("--look dsa: there is no contrast agent to show; add --inject FROM_S,TO_S");
-  parse_heart_rate(options.injection);
   check_subtraction(options.subtraction, subtracts, options.cine);
   if (is_animation(options.cine) || is_xa(options.cine)) return check_writable(options.cine);
   make_frames_folder(options.cine, "--cine " + options.cine);
@@ -191,6 +191,7 @@ Json json_of(const RunRecord& record, const VesselTree& tree) {
   Json json{{"branch", tip.branch},
             {"vessel", tree.branches()[static_cast<std::size_t>(tip.branch)].name},
             {"arc_length_mm", tip.arc_length_mm},
+            {"pressure_mmHg", record.pressure_mmHg},
             {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
   if (record.phases.empty()) return json;
   json["scan_mm"] = {tip.scan_mm.x, tip.scan_mm.y, tip.scan_mm.z};
@@ -237,8 +238,12 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   check_writable(options.log);
   check_report_option(options.report);
   for (const fs::path& path : plots_of(options)) check_picture_name(path, "--plot " + path.string());
+  if (!options.pressure_plot.empty())
+    check_picture_name(options.pressure_plot, "--pressure-plot " + options.pressure_plot);
   check_cine(options);
+  const double heart_rate_bpm = parse_heart_rate(options.injection);
   RunRequest request = parse_run(options.run, options.tree);
+  request.blood.heart_rate_bpm = heart_rate_bpm;
   if (exercise) apply(*exercise, options.run, request);
   if (!options.cine.empty()) request.injection = parse_injection(options.injection);
   invocation.say(check(request));
@@ -265,6 +270,8 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   const std::vector<fs::path> plots = plots_of(options);
   for (std::size_t d = 0; d < plots.size(); ++d)
     write_picture(hub_plot(request.instruments[d].name() + ": at the hub", samples.records(), d), plots[d]);
+  if (!options.pressure_plot.empty())
+    write_picture(pressure_plot(run, names_of(request.instruments)), options.pressure_plot);
   if (cine) cine->finish();
   if (!options.report.empty()) write_report(options.report, monitor->json(true));
   outputs.commit();
@@ -288,7 +295,7 @@ void simulate(SimulateArguments options, Invocation& invocation) {
     pictures += fmt::format("{:.1f} ml of contrast agent were not injected: {}\n", cine->withheld_ml(),
                             reason_for_no_outlet(request.instruments));
   for (const fs::path& file : plots) pictures += fmt::format("{}: written\n", file.string());
-  for (const std::string& file : {options.cine, options.report})
+  for (const std::string& file : {options.pressure_plot, options.cine, options.report})
     if (!file.empty()) pictures += fmt::format("{}: written\n", file);
   invocation.report(result,
                     fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
@@ -335,7 +342,9 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       ->required();
   command
       ->add_option("-o,--output", options->log,
-                   "The log: one row per row of the script, with the hub's force in N and torque in N m")
+                   "The log: one row per row of the script, with the hub's force in N and torque in N m, and "
+                   "the blood's "
+                   "pressure at the tip in mmHg")
       ->required()
       ->type_name("CSV");
   add_exercise_option(*command, options->exercise,
@@ -349,6 +358,10 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       "those of the script; the tree is that of the scan",
       true);
   command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")
+      ->type_name("IMAGE");
+  command
+      ->add_option("--pressure-plot", options->pressure_plot,
+                   "Plot the pressure of the blood at the tips and in the aorta over time")
       ->type_name("IMAGE");
   add_object_option(*command, options->objects);
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");

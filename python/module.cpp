@@ -4,6 +4,7 @@
 #include "calls/opacity.hpp"
 #include "calls/values.hpp"
 #include "drawing.hpp"
+#include "flow.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "run.hpp"
@@ -105,6 +106,7 @@ NB_MODULE(_core, module) {
   add_scan(module);
   add_compare(module);
   add_catheter(module);
+  add_flow(module);
   add_run(module);
   add_registration(module);
   add_similarities(module);

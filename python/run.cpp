@@ -10,6 +10,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/reports/hub_plot.hpp"
+#include "xraycast/reports/pressure_plot.hpp"
 #include "xraycast/reports/run_comparison.hpp"
 
 #include <fmt/ranges.h>
@@ -48,10 +49,12 @@ Script script_of(const nb::object& script, std::size_t instruments) {
 
 HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::object& script,
                  const nb::object& entry, double interval_s, const PathArgument& motion,
-                 const PhaseArgument& phase, const PathArgument& exercise, const nb::object& progress) {
+                 const PhaseArgument& phase, const PathArgument& exercise, double heart_rate_bpm,
+                 const nb::object& progress) {
   HeldRun held{run_of(tree, instruments, entry, motion, phase, "instruments"), {}};
   held.request.script = script_of(script, held.request.instruments.size());
   held.request.interval_s = interval_s;
+  held.request.blood.heart_rate_bpm = heart_rate_bpm;
   const std::optional<Exercise> task = take_exercise(held.request, entry, exercise);
   return result_of(progress, [&](Progress& reported) {
     std::vector<std::string> notes = check(held.request);
@@ -77,6 +80,20 @@ auto phases_array(const HeldRun& held) {
   for (const std::vector<RunRecord>& of_instruments : held.run.records)
     all->insert(all->end(), of_instruments[0].phases.begin(), of_instruments[0].phases.end());
   return array_over<double, 2>(all->data(), {held.run.records.size(), held.run.modes.size()}, all);
+}
+
+auto pressures_array(const HeldRun& held) {
+  const auto all = std::make_shared<std::vector<double>>();
+  for (const PressureSample& sample : held.run.pressures) {
+    all->insert(all->end(), {sample.time_s, sample.aortic_mmHg});
+    all->insert(all->end(), sample.tips_mmHg.begin(), sample.tips_mmHg.end());
+  }
+  return array_over<double, 2>(all->data(), {held.run.pressures.size(), 2 + held.request.instruments.size()},
+                               all);
+}
+
+auto pressure_plot_of(const HeldRun& held) {
+  return picture_array(pressure_plot(held.run, names_of(held.request.instruments)));
 }
 
 auto plot_of(const HeldRun& held, int instrument) {
@@ -126,7 +143,14 @@ void add_run(nb::module_& module) {
           "A structured array (records, instruments), the outermost instrument first, with the fields "
           "time_s, insertion_mm, rotation_deg, force_N and torque_Nm of the hub, tip_mm (x, y, z), "
           "tip_direction, branch, arc_length_mm, contacts, contact_force_N, deepest_mm, in a wall, "
-          "tip_scan_mm and wall_work_J; see CatheterState.")
+          "tip_scan_mm and wall_work_J (see CatheterState), and pressure_mmHg and aortic_mmHg of the blood "
+          "at the tip "
+          "and in the aorta.")
+      .def_prop_ro("pressures", pressures_array, kShared,
+                   "The blood's pressure over the run, (samples, 2 + instruments) float64, a hundred a "
+                   "second, fewer in "
+                   "runs longer than 300 s: time in s, mmHg in the aorta, and at the tip of each instrument.")
+      .def("pressure_plot", pressure_plot_of, kShared, "These pressures over time: (rows, columns, 3) uint8.")
       .def_prop_ro(
           "modes", [](const HeldRun& r) { return text_objects(r.run.modes); },
           "The names of the motion's modes; none of a still body.")
@@ -174,12 +198,12 @@ void add_run(nb::module_& module) {
       "simulate", simulate, nb::arg("tree"), nb::arg("instruments").none(), nb::arg("script").none(),
       nb::kw_only(), nb::arg("entry") = nb::none(), nb::arg("interval_s") = 0.0,
       nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(), nb::arg("exercise") = nb::none(),
-      nb::arg("progress") = nb::none(),
+      nb::arg("heart_rate_bpm") = Blood{}.heart_rate_bpm, nb::arg("progress") = nb::none(),
       nb::sig("def simulate(tree: VesselTree, instruments: collections.abc.Sequence[str | os.PathLike[str]], "
               "script: str | os.PathLike[str] | numpy.typing.ArrayLike, *, "
               "entry: int | numpy.typing.ArrayLike | None = None, interval_s: float = 0.0, "
               "motion: str | os.PathLike[str] | None = None, phase: dict[str, float] | None = None, "
-              "exercise: str | os.PathLike[str] | None = None, "
+              "exercise: str | os.PathLike[str] | None = None, heart_rate_bpm: float = 70.0, "
               "progress: xraycast._progress.Listener | None = None) -> Run"),
       "Moves instruments through a VesselTree by a script, as fast as the machine can, and returns a Run.\n\n"
       "instruments: names of instruments or their JSON files, the outermost first; up to three, one in the "
@@ -192,7 +216,7 @@ void add_run(nb::module_& module) {
       "motion: a motion.json, by which the body moves from 0 s on.  phase: a dict of modes that are held, "
       "and "
       "their phases, 0 to 1.  exercise: a file of a task, which Run.report() tells of, and whose entry is "
-      "the default.");
+      "the default.  heart_rate_bpm: beats per minute, which pace the blood; 0: it flows steadily.");
 }
 
 }  // namespace xraycast::python

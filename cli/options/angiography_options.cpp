@@ -34,8 +34,7 @@ void add_injection_options(CLI::App& command, InjectionOptions& options) {
       ->type_name("MG/ML");
   command
       .add_option("--heart-rate", options.heart_rate_bpm,
-                  "--inject: heart rate in beats per minute, which paces the blood flow")
-      ->needs(inject)
+                  "Heart rate in beats per minute, which paces the blood's flow and pressure")
       ->capture_default_str()
       ->type_name("BPM");
 }

@@ -72,7 +72,7 @@ std::string option_of(const CLI::App& command, std::string_view field) {
   std::string name = fmt::format("--{}", repeated == kRepeated.end() ? field : repeated->second);
   std::ranges::replace(name, '_', '-');
   std::string without_unit = name;
-  for (const std::string_view unit : {"-mm", "-hu", "-deg", "-ml-s", "-mg-ml", "-ml", "-s", "-B"})
+  for (const std::string_view unit : {"-mm", "-hu", "-deg", "-ml-s", "-mg-ml", "-ml", "-s", "-B", "-bpm"})
     if (without_unit.ends_with(unit)) without_unit.erase(without_unit.size() - unit.size());
   std::vector<const CLI::App*> commands =
       command.get_parent()->get_subcommands([](const CLI::App*) { return true; });

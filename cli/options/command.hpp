@@ -73,6 +73,7 @@ void add_motion(CLI::App& app, Invocation& invocation);
 void add_register(CLI::App& app, Invocation& invocation);
 void add_vesselness(CLI::App& app, Invocation& invocation);
 void add_render(CLI::App& app, Invocation& invocation);
+void add_flow(CLI::App& app, Invocation& invocation);
 void add_simulate(CLI::App& app, Invocation& invocation);
 void add_report(CLI::App& app, Invocation& invocation);
 void add_export(CLI::App& app, Invocation& invocation);

@@ -17,15 +17,17 @@ struct PackedRecord {
   double contact_force_N, deepest_mm;
   glm::dvec3 tip_scan_mm;
   double wall_work_J;
+  double pressure_mmHg, aortic_mmHg;
 };
-static_assert(sizeof(PackedRecord) == 20 * 8);
+static_assert(sizeof(PackedRecord) == 22 * 8);
 
 PackedRecord packed(const RunRecord& r) {
   return {r.time_s,        r.pose.insertion_mm, r.pose.rotation_rad * kDegreesPerRadian,
           r.load.force_N,  r.load.torque_Nm,    r.tip.position_mm,
           r.tip.direction, r.tip.branch,        r.tip.arc_length_mm,
           r.contacts,      r.contact_force_N,   r.deepest_mm,
-          r.tip.scan_mm,   r.wall_work_J};
+          r.tip.scan_mm,   r.wall_work_J,       r.pressure_mmHg,
+          r.aortic_mmHg};
 }
 
 }  // namespace
@@ -45,7 +47,8 @@ nb::object records_array(const std::vector<std::vector<RunRecord>>& records) {
   fields.append(nb::make_tuple("contacts", "i8"));
   for (const char* name : {"contact_force_N", "deepest_mm"}) fields.append(nb::make_tuple(name, "f8"));
   fields.append(nb::make_tuple("tip_scan_mm", "f8", 3));
-  fields.append(nb::make_tuple("wall_work_J", "f8"));
+  for (const char* name : {"wall_work_J", "pressure_mmHg", "aortic_mmHg"})
+    fields.append(nb::make_tuple(name, "f8"));
   return record_array(all, fields).attr("reshape")(records.size(), records.front().size());
 }
 

@@ -41,6 +41,48 @@ def test_records_are_a_structured_array(tree):
     assert repr(run) == "<xraycast.Run of microcatheter-27f, guidewire-014-angled: 3 records>"
 
 
+def test_pressures_are_those_of_a_pulse(tree):
+    run = xc.simulate(tree, PAIR, [(0, 5, 0, 10, 0), (1, 15, 10, 25, 20)], entry=0)
+    assert run.pressures.shape == (101, 4) and run.pressure_plot().shape == (560, 900, 3)
+    np.testing.assert_allclose(run.pressures[:, 0], np.arange(101) / 100, atol=1e-9)
+    assert 60 < run.pressures[:, 1:].min() < 85 and 105 < run.pressures[:, 1:].max() < 135
+    assert run.records["aortic_mmHg"][0, 0] == run.pressures[0, 1] and run.records["pressure_mmHg"][0, 1] == run.pressures[0, 3]
+    steady = xc.simulate(tree, PAIR, SCRIPT, entry=0, heart_rate_bpm=0)
+    assert np.ptp(steady.pressures[:, 1]) < 1 and steady.last["aortic_mmHg"][0] == pytest.approx(93, abs=1)
+    with pytest.raises(xc.InputError, match="heart_rate_bpm 7: must be 0, for a steady flow, or 20 to 250"):
+        xc.simulate(tree, PAIR, SCRIPT, entry=0, heart_rate_bpm=7)
+
+
+def test_flow_has_the_curves_of_a_beat(tmp_path):
+    def line(start, end, radius_mm):
+        points = np.linspace(start, end, 61)
+        return np.column_stack([points, np.full(61, radius_mm)])
+    narrow = line((10, 0, 0), (60, 0, -60), 1.6)
+    narrow[25:35, 3] *= 0.5
+    coronaries = xc.VesselTree([(line((0, 0, 0), (10, 0, 0), 2.0), -1, "left main coronary artery"),
+                                (narrow, 0, "left anterior descending artery"),
+                                (line((10, 0, 0), (10, 50, -40), 1.5), 0, "circumflex artery")])
+    rest, flow = xc.flow(coronaries), xc.flow(coronaries, hyperaemia=True)
+    samples = len(flow.time_s)
+    assert flow.flow_ml_s.shape == flow.pressure_mmHg.shape == (samples, 3) and flow.aortic_mmHg.shape == (samples,)
+    # What enters a bifurcation leaves it.
+    np.testing.assert_allclose(flow.flow_ml_s[:, 0], flow.flow_ml_s[:, 1:].sum(axis=1), atol=1e-9)
+    # Behind the stenosis it falls far below what is normal at hyperaemia, 0.94 and more (Pijls et al.).
+    assert 0.6 < flow.pressure_ratio[1] < 0.9 < flow.pressure_ratio[2] < 1
+    assert flow.pressure_ratio[1] == pytest.approx(flow.pressure_mmHg[:, 1].mean() / flow.aortic_mmHg.mean())
+    assert rest.pressure_ratio[1] > 0.9 and flow.flow_ml_s[:, 0].mean() > 2 * rest.flow_ml_s[:, 0].mean()
+    flow.write(tmp_path / "flow.csv")
+    lines = (tmp_path / "flow.csv").read_text().splitlines()
+    assert len(lines) == 4 and lines[0].startswith("branch,vessel,flow_ml_s,") and lines[2].startswith("1,left anterior")
+    assert repr(flow) == "<xraycast.BloodFlow of 3 branches>"
+    if PROGRAM:
+        coronaries.write(tmp_path / "tree.json")
+        words = [PROGRAM, "flow", tmp_path / "tree.json", "--hyperaemia", "--json", "-o", tmp_path / "told.csv"]
+        told = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+        assert told["vessels"][1]["pressure_ratio"] == pytest.approx(flow.pressure_ratio[1], rel=1e-9)
+        assert (tmp_path / "told.csv").read_text() == (tmp_path / "flow.csv").read_text()
+
+
 def test_a_run_is_that_of_steps(tree):
     steps = [(0, 0, 0), (0.05, 10, 45)]
     run = xc.simulate(tree, ["microcatheter-27f"], steps, interval_s=0.001)

@@ -235,8 +235,10 @@ TEST(Instruments, AScriptLeadsToTheSameLogTwice) {
   const std::string first = log();
   EXPECT_EQ(first, log());
   EXPECT_THAT(first, testing::StartsWith("time_s,insertion_mm,rotation_deg,force_N,torque_Nm,tip_x_mm,"));
-  EXPECT_THAT(first, testing::HasSubstr(
-                         ",deepest_mm,insertion_2_mm,rotation_2_deg,force_2_N,torque_2_Nm,tip_2_x_mm,"));
+  EXPECT_THAT(
+      first,
+      testing::HasSubstr(
+          ",deepest_mm,pressure_mmHg,insertion_2_mm,rotation_2_deg,force_2_N,torque_2_Nm,tip_2_x_mm,"));
   EXPECT_EQ(std::ranges::count(first, '\n'), 4);
 }
 

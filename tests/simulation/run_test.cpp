@@ -140,9 +140,11 @@ TEST(Run, LogsNoNegativeZeros) {
   record.load = {.force_N = -0.0, .torque_Nm = -0.0};
   record.tip.position_mm = {-1e-9, -0.0, -2};
   record.tip.direction = {0, -4e-7, 1};
+  record.pressure_mmHg = 80.25;
+  record.aortic_mmHg = 93.5;
   const std::string csv = to_csv({.entry = {}, .records = {{record}}, .last = {}});
   EXPECT_EQ(csv.substr(csv.find('\n') + 1),
-            "0,0,0,0,0,0.000000,0.000000,-2.000000,0.000000,0.000000,1.000000,0,0.000000,0,0,0\n");
+            "0,0,0,0,0,0.000000,0.000000,-2.000000,0.000000,0.000000,1.000000,0,0.000000,0,0,0,80.25,93.5\n");
 }
 
 }  // namespace

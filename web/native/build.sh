@@ -20,7 +20,7 @@ sources="
   simulation/xraycast/blood_flow/flow_network simulation/xraycast/blood_flow/heartbeat simulation/xraycast/blood_flow/rest_flow
   simulation/xraycast/blood_flow/tree_flow simulation/xraycast/blood_flow/vessel_impedance
   simulation/xraycast/simulation/agent_outlet
-  simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/laminar_vessel
+  simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/instrument_pressures simulation/xraycast/simulation/laminar_vessel
   simulation/xraycast/simulation/exercise simulation/xraycast/simulation/exercise_progress
   simulation/xraycast/simulation/run_monitor simulation/xraycast/simulation/run_report
   simulation/xraycast/haptics/hub_couplings simulation/xraycast/haptics/virtual_coupling

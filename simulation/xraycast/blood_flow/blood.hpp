@@ -25,6 +25,9 @@ struct Blood {
   double diffusivity_mm2_s = 3e-4;
 };
 
+/// Throws InputError for a heart rate, a velocity or resistances out of range.
+void check(const Blood& blood);
+
 inline constexpr double kHyperaemia = 0.24;
 
 }  // namespace xraycast

@@ -57,9 +57,9 @@ FlowNetwork::FlowNetwork(std::vector<FlowNode> nodes) : nodes_(std::move(nodes))
     throw InputError(
         "a network without an outlet; hold a pressure behind a resistance, or give a compliance");
   const std::size_t count = nodes_.size();
-  for (auto* values : {&inflow_, &given_, &before_, &stored_, &stored_from_, &pressure_, &flow_, &mean_flow_,
-                       &viscous_conductance_, &viscous_drive_, &conductance_, &drive_, &outside_,
-                       &admittance_, &source_, &diagonal_, &balance_})
+  for (auto* values : {&inflow_, &inflow_before_, &entering_, &given_, &before_, &stored_, &stored_from_,
+                       &pressure_, &flow_, &mean_flow_, &viscous_conductance_, &viscous_drive_, &conductance_,
+                       &drive_, &outside_, &admittance_, &source_, &diagonal_, &balance_})
     values->assign(count, 0);
   for (auto* modes : {&mode_resistance_, &mode_inertance_, &mode_flow_, &mode_from_, &gain_, &kept_})
     modes->assign(count, Modes{});
@@ -117,7 +117,7 @@ void FlowNetwork::set_gains(std::size_t node) {
 void FlowNetwork::condense() {
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     admittance_[i] = nodes_[i].compliance / stage_;
-    source_[i] = stored_from_[i] / stage_ + admittance_[i] * outside_[i] + inflow_[i];
+    source_[i] = stored_from_[i] / stage_ + admittance_[i] * outside_[i] + entering_[i];
     viscous_drive_[i] = 0;
     for (std::size_t m = 0; m < kModes; ++m) viscous_drive_[i] += kept_[i][m] * mode_from_[i][m];
   }
@@ -209,6 +209,7 @@ void FlowNetwork::settle() {
   constexpr double kEver = 1e9;  // times any time constant
   for (std::size_t i = 0; i < nodes_.size(); ++i) (nodes_[i].is_held ? pressure_ : outside_)[i] = given_[i];
   before_ = given_;
+  entering_ = inflow_before_ = inflow_;
   mode_from_ = mode_flow_;
   stored_from_ = stored_;
   solve(kEver);
@@ -218,8 +219,10 @@ void FlowNetwork::settle() {
 void FlowNetwork::step(double time) {
   constexpr double kStage = 0.2928932188134524;  // 1 - 1 / sqrt(2), of the step
   const auto give = [&](double at) {
-    for (std::size_t i = 0; i < nodes_.size(); ++i)
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
       (nodes_[i].is_held ? pressure_ : outside_)[i] = std::lerp(before_[i], given_[i], at);
+      entering_[i] = std::lerp(inflow_before_[i], inflow_[i], at);
+    }
   };
   // The first stage begins at the state; the second at where the first one's rates lead in the rest of the
   // step.
@@ -237,6 +240,7 @@ void FlowNetwork::step(double time) {
   solve(kStage * time);
   for (std::size_t i = 0; i < nodes_.size(); ++i) mean_flow_[i] += kStage * flow_[i];
   before_ = given_;
+  inflow_before_ = inflow_;
 }
 
 }  // namespace xraycast

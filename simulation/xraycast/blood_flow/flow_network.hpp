@@ -44,7 +44,12 @@ class FlowNetwork {
   std::size_t parent(std::size_t node) const { return static_cast<std::size_t>(nodes_[node].parent); }
 
   /// A source in a node, constant over the next steps.
-  void set_inflow(std::size_t node, double flow) { inflow_[node] = flow; }
+  void set_inflow(std::size_t node, double flow) { inflow_[node] = inflow_before_[node] = flow; }
+  /// The same, linear over the next step, and then constant.
+  void ramp_inflow(std::size_t node, double from, double to) {
+    inflow_before_[node] = from;
+    inflow_[node] = to;
+  }
   /// The pressure outside a node's compliance, or a held node's own, at the end of the next step; during the
   /// step it varies linearly.
   void set_outside(std::size_t node, double pressure) { given_[node] = pressure; }
@@ -81,7 +86,7 @@ class FlowNetwork {
   void take_state();
 
   std::vector<FlowNode> nodes_;
-  std::vector<double> inflow_, given_, before_, share_;
+  std::vector<double> inflow_, inflow_before_, given_, before_, share_;
   std::vector<Modes> mode_resistance_, mode_inertance_;
   std::vector<Modes> gain_, kept_;  ///< by the pressure, of the flow before
   double stage_ = 0;                ///< the time for which they hold
@@ -91,7 +96,7 @@ class FlowNetwork {
   std::vector<double> pressure_, flow_, mean_flow_;
   // Of a stage: q = conductance dp + drive, without the quadratic loss and with it.
   std::vector<double> viscous_conductance_, viscous_drive_, conductance_, drive_;
-  std::vector<double> outside_, admittance_, source_, diagonal_, balance_;
+  std::vector<double> entering_, outside_, admittance_, source_, diagonal_, balance_;
   bool has_losses_ = false;
 };
 

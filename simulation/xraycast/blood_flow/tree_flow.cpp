@@ -9,6 +9,11 @@
 namespace xraycast {
 namespace {
 
+const Blood& checked(const Blood& blood) {
+  check(blood);
+  return blood;
+}
+
 constexpr double kBodyResistance = (TreeFlow::kAortic_mmHg - TreeFlow::kVenous_mmHg) / kHeartOutput_ml_s;
 constexpr double kWindkessel_s = 0.79 * 1.75;
 /// Of the arterial compliance, such that the resistive index of a renal artery is 0.6 at rest (Tublin et al.,
@@ -23,7 +28,14 @@ constexpr double kArterialCompliance = 0.11, kWallCompliance = 0.89;
 constexpr double kCoronary_s = 1.9;  // resistance by compliance: 39 mmHg s/ml and 0.048 ml/mmHg
 constexpr double kLeft_mmHg = 120, kRight_mmHg = 25;  // systolic, of the ventricles
 
-void check_blood(const Blood& blood) {
+FlowLoss difference(const FlowLoss& to, const FlowLoss& from) {
+  return {to.resistance - from.resistance, to.inertance - from.inertance,
+          to.quadratic_loss - from.quadratic_loss, to.blocked - from.blocked};
+}
+
+}  // namespace
+
+void check(const Blood& blood) {
   const double bpm = blood.heart_rate_bpm;
   if (!(bpm == 0 || (bpm >= kMinHeartRate_bpm && bpm <= kMaxHeartRate_bpm)))
     throw InputError("`heart_rate_bpm` {:g}: must be 0, for a steady flow, or {:g} to {:g}", bpm,
@@ -39,18 +51,6 @@ void check_blood(const Blood& blood) {
                        kLeast, kMost);
 }
 
-const Blood& checked(const Blood& blood) {
-  check_blood(blood);
-  return blood;
-}
-
-FlowLoss difference(const FlowLoss& to, const FlowLoss& from) {
-  return {to.resistance - from.resistance, to.inertance - from.inertance,
-          to.quadratic_loss - from.quadratic_loss, to.blocked - from.blocked};
-}
-
-}  // namespace
-
 TreeFlow::TreeFlow(const VesselTree& tree, const Blood& blood)
     : tree_(tree),
       heart_(checked(blood).heart_rate_bpm),
@@ -59,7 +59,6 @@ TreeFlow::TreeFlow(const VesselTree& tree, const Blood& blood)
       upper_(tree.branches().size()),
       behind_(tree.branches().size()),
       share_(tree.branches().size(), 1),
-      is_filled_(tree.branches().size()),
       peak_ml_s_(tree.branches().size()),
       network_(nodes_of(blood)) {
   for (std::size_t b = 0; b < upper_.size(); ++b) divide(b, 0.5 * tree.branches()[b].arc_length_mm.back());
@@ -213,17 +212,27 @@ double TreeFlow::pressure_mmHg(const VesselTree::Location& place) const {
 }
 
 void TreeFlow::fill(const std::vector<Filling>& fillings) {
-  std::vector<bool> changes = is_filled_;
-  for (std::size_t b = 0; b < changes.size(); ++b)
-    if (is_filled_[b]) impedances_[b].empty();
-  is_filled_.assign(is_filled_.size(), false);
-  for (const Filling& filling : fillings) {
-    const auto branch = static_cast<std::size_t>(filling.branch);
-    impedances_[branch].occupy(filling.from_mm, filling.to_mm, filling.radius_mm);
-    is_filled_[branch] = changes[branch] = true;
+  std::vector<bool> changes(tree_.branches().size());
+  for (const Filling& filling : fillings_) {
+    impedances_[static_cast<std::size_t>(filling.branch)].empty();
+    changes[static_cast<std::size_t>(filling.branch)] = true;
+  }
+  fillings_ = fillings;
+  for (const Filling& filling : fillings_) {
+    impedances_[static_cast<std::size_t>(filling.branch)].occupy(filling.from_mm, filling.to_mm,
+                                                                 filling.radius_mm);
+    changes[static_cast<std::size_t>(filling.branch)] = true;
   }
   for (std::size_t b = 0; b < changes.size(); ++b)
     if (changes[b]) divide(b, divided_mm_[b]);
+}
+
+void TreeFlow::set_lumen(std::size_t branch, const std::vector<double>& radii_mm) {
+  impedances_[branch] = VesselImpedance(tree_.branches()[branch], radii_mm);
+  for (const Filling& filling : fillings_)
+    if (static_cast<std::size_t>(filling.branch) == branch)
+      impedances_[branch].occupy(filling.from_mm, filling.to_mm, filling.radius_mm);
+  divide(branch, divided_mm_[branch]);
 }
 
 void TreeFlow::set_conductance(std::size_t branch, double share) {

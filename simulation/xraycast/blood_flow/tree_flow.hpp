@@ -28,7 +28,7 @@ class TreeFlow {
   /// Longer steps blur the ejection, which lasts for 0.3 s.
   static constexpr double kLongestStep_s = 2e-3;
 
-  /// The tree must outlive it. Throws InputError for a heart rate, a velocity or resistances out of range.
+  /// The tree must outlive it. Throws as check of Blood.
   TreeFlow(const VesselTree& tree, const Blood& blood);
 
   /// Advances by a time above 0, at most kLongestStep_s, while so much is injected at a place of the tree.
@@ -59,6 +59,8 @@ class TreeFlow {
   /// Those that narrow the tree from the next step on.
   void fill(const std::vector<Filling>& fillings);
 
+  /// Other radii of a branch's points from the next step on, as a balloon or a stent leaves them.
+  void set_lumen(std::size_t branch, const std::vector<double>& radii_mm);
   /// How much of a branch's conductance is left: 0 closes it, as a balloon does.
   void set_conductance(std::size_t branch, double share);
   /// How much of the periphery's conductance behind a leaf is left, as particles embolise it.
@@ -85,7 +87,7 @@ class TreeFlow {
   std::vector<std::size_t> upper_;   ///< of each branch, its inner node; its end is the next one
   std::vector<std::size_t> behind_;  ///< of each leaf, the first node of the periphery; 0: none
   std::vector<double> share_;        ///< of each branch's conductance
-  std::vector<bool> is_filled_;
+  std::vector<Filling> fillings_;
   std::vector<double> peak_ml_s_;
   std::vector<Wall> walls_;
   FlowNetwork network_;

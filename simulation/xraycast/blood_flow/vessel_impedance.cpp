@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -44,7 +45,7 @@ std::vector<double> healthy_radii_mm(const VesselBranch& branch) {
 VesselImpedance::VesselImpedance(const VesselBranch& branch, const std::vector<double>& radii_mm)
     : arc_mm_(branch.arc_length_mm),
       radius_mm_(radii_mm),
-      occupied_mm_(branch.points.size() - 1),
+      occupied_(branch.points.size() - 1),
       up_to_(branch.points.size()) {
   if (radii_mm.empty())
     for (const VesselPoint& point : branch.points) radius_mm_.push_back(point.radius_mm);
@@ -90,11 +91,13 @@ void VesselImpedance::add_up() {
   up_to_[0] = sum;
   for (std::size_t s = 0; s + 1 < radius_mm_.size(); ++s) {
     const double length_mm = arc_mm_[s + 1] - arc_mm_[s], a = radius_mm_[s], b = radius_mm_[s + 1];
-    const double ratio = std::min(occupied_mm_[s] / std::sqrt(a * b), kFilled);
+    const double ratio = std::min(occupied_[s].radius_mm / std::sqrt(a * b), kFilled),
+                 share = occupied_[s].share;
     if (ratio == kFilled) ++sum.blocked;
-    sum.resistance += kResistance * 8 * kBloodViscosity_Pa_s / kPi * length_mm * inverse_fourth(a, b) /
-                      annulus_share(ratio);
-    sum.inertance += kInertance * kBloodDensity_kg_m3 / kPi * length_mm / (a * b) / (1 - ratio * ratio);
+    sum.resistance += kResistance * 8 * kBloodViscosity_Pa_s / kPi * length_mm * inverse_fourth(a, b) *
+                      (1 - share + share / annulus_share(ratio));
+    sum.inertance += kInertance * kBloodDensity_kg_m3 / kPi * length_mm / (a * b) *
+                     (1 - share + share / (1 - ratio * ratio));
     if (next < throats_.size() && throats_[next].point == s + 1) {
       sum.quadratic_loss += throats_[next].quadratic_loss;
       sum.resistance += throats_[next++].added_resistance;
@@ -114,14 +117,18 @@ FlowLoss VesselImpedance::up_to(double arc_length_mm) const {
 }
 
 void VesselImpedance::occupy(double from_mm, double to_mm, double radius_mm) {
-  for (std::size_t s = 0; s < occupied_mm_.size(); ++s)
-    if (arc_mm_[s + 1] > from_mm && arc_mm_[s] < to_mm)
-      occupied_mm_[s] = std::max(occupied_mm_[s], radius_mm);
+  for (std::size_t s = 0; s < occupied_.size(); ++s) {
+    const double begin_mm = std::max(from_mm, arc_mm_[s]), end_mm = std::min(to_mm, arc_mm_[s + 1]);
+    const Occupied here{radius_mm, (end_mm - begin_mm) / (arc_mm_[s + 1] - arc_mm_[s])};
+    const Occupied& before = occupied_[s];
+    if (here.share > 0 && std::pair(here.radius_mm, here.share) > std::pair(before.radius_mm, before.share))
+      occupied_[s] = here;
+  }
   add_up();
 }
 
 void VesselImpedance::empty() {
-  std::fill(occupied_mm_.begin(), occupied_mm_.end(), 0.0);
+  std::fill(occupied_.begin(), occupied_.end(), Occupied{});
   add_up();
 }
 

@@ -46,11 +46,15 @@ class VesselImpedance {
     std::size_t point = 0;
     double quadratic_loss = 0, added_resistance = 0;
   };
+  /// An instrument in a segment, and in how much of its length.
+  struct Occupied {
+    double radius_mm = 0, share = 0;
+  };
   void find_stenoses();
   void add_up();
 
   std::vector<double> arc_mm_, radius_mm_;
-  std::vector<double> occupied_mm_;  ///< radius of an instrument in each segment; 0: none
+  std::vector<Occupied> occupied_;  ///< each segment
   std::vector<Throat> throats_;
   std::vector<FlowLoss> up_to_;  ///< each point
 };

@@ -120,6 +120,7 @@ class Instruments {
   /// The vessels as they are now, and how often they have changed: a tree with the same points.
   VesselTree widened_tree() const { return treatments_.walls().widened(tree_); }
   long wall_changes() const { return wall_changes_; }
+  const VesselEnd& entry() const { return end_; }  ///< of the tree
 
   /// All instruments within it are drawn back to 0 (see kDrawnBack_mm), so that contrast agent can be
   /// injected through it.

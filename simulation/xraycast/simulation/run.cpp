@@ -239,10 +239,22 @@ class Approach {
   std::vector<double> nearest_mm_, since_s_;  ///< of each instrument
 };
 
+double pressure_interval_s(const Script& script) {
+  constexpr double kFinest_s = 0.01;
+  return kFinest_s * std::max(1.0, std::ceil(script.rows().back().time_s / Run::kPressures_s));
+}
+
+PressureSample sample_of(const Instruments& instruments, double time_s, const InstrumentPressures& blood) {
+  PressureSample sample{time_s, blood.aortic_mmHg(), {}};
+  for (std::size_t d = 0; d < instruments.count(); ++d)
+    sample.tips_mmHg.push_back(blood.tip_mmHg(instruments, d));
+  return sample;
+}
+
 constexpr const char* kColumns =
     "insertion{0}_mm,rotation{0}_deg,force{0}_N,torque{0}_Nm,tip{0}_x_mm,tip{0}_y_mm,tip{0}_z_mm,tip{0}_"
     "direction_x,tip{0}_direction_y,tip{0}_direction_z,tip{0}_branch,tip{0}_arc_length_mm,contacts{0},"
-    "contact_force{0}_N,deepest{0}_mm";
+    "contact_force{0}_N,deepest{0}_mm,pressure{0}_mmHg";
 constexpr const char* kMotionColumns = ",tip{0}_scan_x_mm,tip{0}_scan_y_mm,tip{0}_scan_z_mm,wall_work{0}_J";
 
 constexpr const char* kBalloonColumns = ",inflation{0}_bar,balloon{0}_mm";
@@ -256,10 +268,11 @@ std::string values_of(const RunRecord& r) {
   const glm::dvec3 &p = r.tip.position_mm, &d = r.tip.direction;
   // A sum with +0 is never -0.
   return fmt::format(
-      "{:.6g},{:.6g},{:.6g},{:.6g},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{},{:.6f},{},{:.6g},{:.6g}",
+      "{:.6g},{:.6g},{:.6g},{:.6g},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{},{:.6f},{},{:.6g},{:.6g},{:."
+      "6g}",
       r.pose.insertion_mm + 0.0, r.pose.rotation_rad * 180 / std::numbers::pi + 0.0, r.load.force_N + 0.0,
       r.load.torque_Nm + 0.0, part(p.x), part(p.y), part(p.z), part(d.x), part(d.y), part(d.z), r.tip.branch,
-      part(r.tip.arc_length_mm), r.contacts, r.contact_force_N, r.deepest_mm);
+      part(r.tip.arc_length_mm), r.contacts, r.contact_force_N, r.deepest_mm, r.pressure_mmHg);
 }
 
 std::string motion_values_of(const RunRecord& r) {
@@ -295,6 +308,7 @@ std::vector<std::string> check(const RunRequest& request) {
   }
   check_stents(request);
   check_injection(request);
+  check(request.blood);
   std::vector<std::string> notes = notes_on_entry(request, entry);
   for (std::string& note : check_motion(request, entry)) notes.push_back(std::move(note));
   return notes;
@@ -332,9 +346,15 @@ std::string in_words(const Treatment& treatment, const VesselTree& tree) {
          stent;
 }
 
-std::vector<RunRecord> records_of(const Instruments& instruments, double time_s) {
+std::vector<RunRecord> records_of(const Instruments& instruments, double time_s,
+                                  const InstrumentPressures* blood) {
   std::vector<RunRecord> records;
-  for (std::size_t d = 0; d < instruments.count(); ++d) records.push_back(record_of(time_s, instruments, d));
+  for (std::size_t d = 0; d < instruments.count(); ++d) {
+    records.push_back(record_of(time_s, instruments, d));
+    if (!blood) continue;
+    records.back().pressure_mmHg = blood->tip_mmHg(instruments, d);
+    records.back().aortic_mmHg = blood->aortic_mmHg();
+  }
   return records;
 }
 
@@ -359,11 +379,16 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
     approach.check(instruments, instruments.time_s(), script.where(0));
   }
 
+  InstrumentPressures blood(*request.tree, request.blood);
+  const double sample_s = pressure_interval_s(script);
   const auto tell = [&](double time_s) {
+    blood.advance(instruments, time_s, request.injection);
+    if (time_s >= static_cast<double>(run.pressures.size()) * sample_s - kRounding_s)
+      run.pressures.push_back(sample_of(instruments, time_s, blood));
     if (listener) listener(instruments, time_s);
     const double next_s = static_cast<double>(run.records.size()) * request.interval_s;
     if (request.interval_s > 0 && time_s >= next_s - kRounding_s)
-      run.records.push_back(records_of(instruments, time_s));
+      run.records.push_back(records_of(instruments, time_s, &blood));
   };
   const auto step = [&](double time_s) {
     move_to(time_s, phases_at(request.body, time_s));
@@ -373,9 +398,9 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   };
   tell(0);
   follow(script, instruments.step_s(), progress, step, [&](const Script::Row& row) {
-    if (request.interval_s == 0) run.records.push_back(records_of(instruments, row.time_s));
+    if (request.interval_s == 0) run.records.push_back(records_of(instruments, row.time_s, &blood));
   });
-  run.last = records_of(instruments, instruments.time_s());
+  run.last = records_of(instruments, instruments.time_s(), &blood);
   run.treatments = instruments.treatments().list();
   run.notes = notes_on_stents(instruments);
   constexpr double kNoticed_s = 0.05;
@@ -400,6 +425,7 @@ std::string to_csv(const Run& run) {
     if (moves) csv += columns_of(kMotionColumns, d);
     if (run.records.front()[d].balloon_mm > 0) csv += columns_of(kBalloonColumns, d);
   }
+  if (!run.records.empty()) csv += ",aortic_mmHg";
   csv += '\n';
   for (const std::vector<RunRecord>& row : run.records) {
     csv += fmt::format("{:.6g}", row.front().time_s);
@@ -409,7 +435,7 @@ std::string to_csv(const Run& run) {
       if (moves) csv += motion_values_of(record);
       if (record.balloon_mm > 0) csv += fmt::format(",{:.6g},{:.6g}", record.balloon_bar, record.balloon_mm);
     }
-    csv += '\n';
+    csv += fmt::format(",{:.6g}\n", row.front().aortic_mmHg);
   }
   return csv;
 }

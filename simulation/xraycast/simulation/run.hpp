@@ -1,12 +1,15 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/blood_flow/blood.hpp"
 #include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/motion/body_request.hpp"
 #include "xraycast/simulation/injection.hpp"
+#include "xraycast/simulation/instrument_pressures.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,6 +28,7 @@ struct RunRequest {
   EntryChoice entry{};
   std::optional<Script> script{};  ///< none: a hand moves the hubs
   Injection injection{};           ///< of contrast agent, in pictures of the run
+  Blood blood{};                   ///< that flows about the instruments
   double interval_s = 0;           ///< between records; 0: they are of the script's rows
   /// How the body moves about the instruments. At 0 s of the script it is 0 s, until then it is held. Its
   /// gate is for exposures.
@@ -54,6 +58,7 @@ std::string in_words(const Treatment& treatment, const VesselTree& tree);
 
 /// An instrument's state in a run.
 struct RunRecord {
+  static constexpr double kNoPressure = std::numeric_limits<double>::quiet_NaN();
   double time_s = 0;
   HubPose pose;
   HubLoad load;
@@ -64,11 +69,20 @@ struct RunRecord {
   double wall_work_J = 0;        ///< of the moving wall on the instrument so far
   double balloon_bar = 0;        ///< as far as it is filled; see Instruments::balloon_bar
   double balloon_mm = 0;         ///< diameter of its balloon; 0 without one
-  std::vector<double> phases{};  ///< of the motion's modes; none without a motion
+  double pressure_mmHg = kNoPressure,
+         aortic_mmHg = kNoPressure;  ///< of the blood at the tip; without any no number
+  std::vector<double> phases{};      ///< of the motion's modes; none without a motion
 };
 
-/// A record of each instrument, from the outermost on.
-std::vector<RunRecord> records_of(const Instruments& instruments, double time_s);
+/// A record of each instrument, from the outermost on; its pressures where there is blood.
+std::vector<RunRecord> records_of(const Instruments& instruments, double time_s,
+                                  const InstrumentPressures* blood = nullptr);
+
+/// The pressures of the blood over a run, as a pressure line would show them.
+struct PressureSample {
+  double time_s = 0, aortic_mmHg = 0;
+  std::vector<double> tips_mmHg;  ///< of each instrument
+};
 
 /// What a run leads to.
 struct Run {
@@ -80,6 +94,8 @@ struct Run {
   std::vector<std::string> notes{};             ///< on the run, besides those of check()
   std::vector<std::string> modes{};             ///< of its motion, in the order of a record's phases
   std::vector<Treatment> treatments{};          ///< by balloons
+  std::vector<PressureSample> pressures{};  ///< a hundred a second, fewer in runs longer than kPressures_s
+  static constexpr double kPressures_s = 300;
 };
 
 /// Is told of the instruments at 0 s, where the hubs are at the script's first poses, and after each step.
@@ -94,6 +110,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
 /// insertion_mm, insertion_2_mm and so on. Of a motion, the modes' phases follow the time, phase_heart and so
 /// on, and each group ends with the tip's place in the scan and the wall's work. An instrument with a balloon
 /// ends with inflation_bar and balloon_mm.
+/// The last column is the aorta's pressure.
 std::string to_csv(const Run& run);
 
 }  // namespace xraycast

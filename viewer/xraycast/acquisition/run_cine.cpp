@@ -6,6 +6,7 @@
 #include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/stent_surface.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
+#include "xraycast/simulation/instrument_pressures.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -77,7 +78,8 @@ bool RunCine::takes_frame(const Instruments& instruments, double time_s) {
   if (time_s <= 0 || !(exposes || time_s >= next_flow_s_)) return false;
   take_walls(instruments);
   const std::optional<std::size_t> outlet = agent_outlet(instruments);
-  inject(place_of(instruments.tip(outlet.value_or(0))), outlet.has_value(), time_s);
+  bolus_.flow().fill(fillings_of(tree_, instruments));
+  inject(location_of(instruments.tip(outlet.value_or(0))), outlet.has_value(), time_s);
   if (!exposes || time_s < begin_s()) return false;
   note_r_wave(time_s);
   acquisition_.set_phases(instruments.phases());

@@ -71,11 +71,4 @@ std::vector<Surface> steered_surfaces(const SteeredInstruments& steered) {
   return surfaces;
 }
 
-VesselTree::Location place_of(const InstrumentTip& tip) {
-  VesselTree::Location place;
-  place.branch = tip.branch;
-  place.arc_length_mm = tip.arc_length_mm;
-  return place;
-}
-
 }  // namespace xraycast

@@ -35,7 +35,4 @@ std::vector<Surface> instrument_surfaces(const std::vector<glm::dvec3>& nodes_mm
 /// The surfaces of all instruments of a session.
 std::vector<Surface> steered_surfaces(const SteeredInstruments& steered);
 
-/// The place where contrast agent leaves a catheter, as a location in its vessel tree.
-VesselTree::Location place_of(const InstrumentTip& tip);
-
 }  // namespace xraycast

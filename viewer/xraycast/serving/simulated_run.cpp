@@ -37,6 +37,7 @@ SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevi
                            const std::optional<Exercise>& exercise)
     : tree_(request.tree),
       device_(std::move(device)),
+      entry_(entry_of(request)),
       couplings_(*device_, max_insertions_mm(request.instruments)),
       bolus_(*tree_),
       contrast_(*tree_),
@@ -44,8 +45,7 @@ SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevi
       body_from_s_(moving_.body ? moving_.body->time_s() : 0),
       monitor_(progress_of(exercise, *tree_)),
       loop_(
-          std::make_unique<Instruments>(*tree_, request.instruments, entry_of(request),
-                                        options_in(request, moving_)),
+          std::make_unique<Instruments>(*tree_, request.instruments, entry_, options_in(request, moving_)),
           [this](std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s) {
             return couplings_.step(hubs, loads, step_s);
           },
@@ -68,13 +68,23 @@ void SimulatedRun::update() {
   if (passed_s <= 0) return;
 
   const double injection_ml_s = now_->agent_outlet ? injection_ml_s_ : 0;
-  bolus_.step(passed_s, place_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s);
+  bolus_.flow().fill(fillings());
+  bolus_.step(passed_s, location_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s);
   injected_ml_ += passed_s * injection_ml_s;
   Load load{now_->time_s, {}};
   for (std::size_t d = 0; d < now_->count(); ++d) load.hubs[d] = now_->instrument(d).load;
   loads_.push_back(load);
   while (loads_.front().time_s < now_->time_s - kKept_s) loads_.pop_front();
   if (is_recording_) record();
+}
+
+std::vector<TreeFlow::Filling> SimulatedRun::fillings() const {
+  std::vector<TreeFlow::Filling> all;
+  for (std::size_t d = 0; d < now_->count(); ++d)
+    for (const TreeFlow::Filling& filling :
+         fillings_of(*tree_, entry_, now_->instrument(d).tip, models()[d].radius_mm()))
+      if (now_->instrument(d).pose.insertion_mm > 0) all.push_back(filling);
+  return all;
 }
 
 std::vector<Surface> SimulatedRun::instruments(double later_s) const {

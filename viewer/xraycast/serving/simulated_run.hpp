@@ -10,6 +10,7 @@
 #include "xraycast/serving/live_body.hpp"
 #include "xraycast/serving/live_monitor.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
+#include "xraycast/simulation/instrument_pressures.hpp"
 #include "xraycast/simulation/run.hpp"
 #include "xraycast/simulation/simulation_loop.hpp"
 
@@ -107,10 +108,12 @@ class SimulatedRun {
     std::array<HubPose, kMaxHubs> hubs;
   };
   void record();
+  std::vector<TreeFlow::Filling> fillings() const;
   std::vector<glm::dvec3> nodes_of(std::size_t instrument, double later_s) const;
 
   std::shared_ptr<const VesselTree> tree_;
   std::unique_ptr<HapticDevice> device_;
+  VesselEnd entry_;
   HubCouplings couplings_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;

@@ -4,6 +4,7 @@
 #include "xraycast/haptics/hand_rates.hpp"
 #include "xraycast/scene/instrument_curve.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
+#include "xraycast/simulation/instrument_pressures.hpp"
 
 #include <algorithm>
 #include <array>
@@ -148,12 +149,9 @@ void Trainer::let_flow() {
   message_.time_s = told_s_ = instruments_.time_s();
   message_.has_outlet = outlet.has_value();
   if (passed_s <= 0) return;
-  const InstrumentTip tip = instruments_.tip(outlet.value_or(0));
-  VesselTree::Location place;
-  place.branch = tip.branch;
-  place.arc_length_mm = tip.arc_length_mm;
+  bolus_.flow().fill(fillings_of(*setup_.tree, instruments_));
   const double ml_s = hand_.injects && outlet ? kInjection_ml_s : 0;
-  bolus_.step(passed_s, place, ml_s);
+  bolus_.step(passed_s, location_of(instruments_.tip(outlet.value_or(0))), ml_s);
   message_.injected_ml += ml_s * passed_s;
   if (hand_.pedal) message_.fluoroscopy_s += passed_s;
 }

@@ -1,0 +1,43 @@
+#pragma once
+
+#include "xraycast/blood_flow/tree_flow.hpp"
+#include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/simulation/injection.hpp"
+
+#include <cstddef>
+#include <vector>
+
+namespace xraycast {
+
+/// The place of an instrument's tip in the tree.
+VesselTree::Location location_of(const InstrumentTip& tip);
+
+/// The lumens in which an instrument lies: it follows the tree from the end where it entered to its tip.
+std::vector<TreeFlow::Filling> fillings_of(const VesselTree& tree, const VesselEnd& entry,
+                                           const InstrumentTip& tip, double radius_mm);
+
+/// Of all instruments.
+std::vector<TreeFlow::Filling> fillings_of(const VesselTree& tree, const Instruments& instruments);
+
+/// The pressure of the blood at the tips of instruments, as they move through a tree and agent is injected
+/// through them.
+class InstrumentPressures {
+ public:
+  /// The tree must outlive it. Throws as TreeFlow.
+  InstrumentPressures(const VesselTree& tree, const Blood& blood) : tree_(tree), flow_(tree, blood) {}
+
+  /// Lets the blood flow on to a time, in steps of TreeFlow::kLongestStep_s; where less has passed it waits.
+  void advance(const Instruments& instruments, double time_s, const Injection& injection);
+
+  double aortic_mmHg() const { return flow_.aortic_mmHg(); }
+  double tip_mmHg(const Instruments& instruments, std::size_t instrument) const {
+    return flow_.pressure_mmHg(location_of(instruments.tip(instrument)));
+  }
+
+ private:
+  const VesselTree& tree_;
+  TreeFlow flow_;
+  double time_s_ = 0, filled_s_ = -1;
+};
+
+}  // namespace xraycast
