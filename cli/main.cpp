@@ -112,6 +112,7 @@ int main(int argc, char** argv) {
   cli::add_project(app, invocation);
   cli::add_segment(app, invocation);
   cli::add_vessels(app, invocation);
+  cli::add_edit(app, invocation);
   cli::add_motion(app, invocation);
   cli::add_register(app, invocation);
   cli::add_vesselness(app, invocation);

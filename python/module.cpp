@@ -105,6 +105,7 @@ NB_MODULE(_core, module) {
   add_frames(module);
   add_scan(module);
   add_compare(module);
+  add_edit(module);
   add_catheter(module);
   add_flow(module);
   add_run(module);

@@ -44,5 +44,6 @@ std::optional<std::vector<InstrumentShape>> steered_shapes(nb::handle instrument
 
 void add_vessels(nb::module_& module);
 void add_catheter(nb::module_& module);
+void add_edit(nb::module_& module);
 
 }  // namespace xraycast::python

@@ -69,6 +69,7 @@ void add_recast(CLI::App& app, Invocation& invocation);
 void add_project(CLI::App& app, Invocation& invocation);
 void add_segment(CLI::App& app, Invocation& invocation);
 void add_vessels(CLI::App& app, Invocation& invocation);
+void add_edit(CLI::App& app, Invocation& invocation);
 void add_motion(CLI::App& app, Invocation& invocation);
 void add_register(CLI::App& app, Invocation& invocation);
 void add_vesselness(CLI::App& app, Invocation& invocation);

@@ -16,7 +16,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Beside README.md, which is the first page: what is shown, in this order.
 CHAPTERS = {
     "Use": ["docs/guide", "docs/commands", "docs/web", "docs/python", "docs/cohorts", "docs/exercises", "docs/haptics", "docs/gallery"],
-    "Models and figures": ["docs/fluoroscopy", "docs/vessels", "docs/angiography", "docs/blood-flow", "docs/simulation", "docs/motion",
+    "Models and figures": ["docs/fluoroscopy", "docs/vessels", "docs/lesions", "docs/angiography", "docs/blood-flow", "docs/simulation", "docs/motion",
                            "docs/motion-models", "docs/moving-maps", "docs/registration", "docs/realism",
                            "docs/accuracy", "docs/performance", "docs/reliability", "docs/glossary", "simulation/instruments/README"],
     "Interfaces": ["python-api", "docs/api", "examples/README"],

@@ -5,13 +5,13 @@ grows towards the patient's left, y towards posterior, z towards superior. Optic
 exp(-tau). Every long call takes `progress`, a callable (fraction, stage) or tqdm, and stops at Ctrl-C.
 """
 from . import similarity as similarity
-from ._core import (Basis, BloodFlow, BodyMap, Catheter, CatheterState, CoaxialInstruments, Comparison, Exposure, Fluoroscope, Frame, Frames,
-                    InstrumentShape, Mesh, Motion, Opacity, RegisteredView, Registration, Run, Scan, VesselBranch, Vessels,
-                    VesselTree, __version__, compare, convert, devices, export, flow, open, phantom, register, simulate, track, use_device,
-                    vessels)
+from ._core import (Basis, BloodFlow, BodyMap, Catheter, CatheterState, CoaxialInstruments, Comparison, EditedVessels, Exposure, Fluoroscope, Frame,
+                    Frames, Implant, InstrumentShape, Mesh, Motion, Opacity, RegisteredView, Registration, Run, Scan, VesselBranch, Vessels,
+                    VesselTree, __version__, compare, convert, devices, edit, export, flow, open, phantom, register, simulate, track,
+                    use_device, vessels)
 from ._errors import DeviceError, Error, InputError
 
-__all__ = ["Basis", "BloodFlow", "BodyMap", "Catheter", "CatheterState", "CoaxialInstruments", "Comparison", "DeviceError", "Error", "Exposure",
-           "Fluoroscope", "Frame", "Frames", "InputError", "InstrumentShape", "Mesh", "Motion", "Opacity", "RegisteredView", "Registration",
-           "Run", "Scan", "VesselBranch", "VesselTree", "Vessels", "compare", "convert", "devices", "export", "flow", "open", "phantom",
+__all__ = ["Basis", "BloodFlow", "BodyMap", "Catheter", "CatheterState", "CoaxialInstruments", "Comparison", "DeviceError", "EditedVessels", "Error",
+           "Exposure", "Fluoroscope", "Frame", "Frames", "Implant", "InputError", "InstrumentShape", "Mesh", "Motion", "Opacity", "RegisteredView", "Registration",
+           "Run", "Scan", "VesselBranch", "VesselTree", "Vessels", "compare", "convert", "devices", "edit", "export", "flow", "open", "phantom",
            "register", "simulate", "track", "use_device", "vessels"]

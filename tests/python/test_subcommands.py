@@ -11,7 +11,7 @@ import xraycast as xc
 PROGRAM = os.environ.get("XRAYCAST_PROGRAM")
 PAGE = pathlib.Path(__file__).resolve().parents[2] / "docs/python.md"
 OWNERS = {"xc": xc, "scan": xc.Scan, "body": xc.BodyMap, "basis": xc.Basis, "frame": xc.Frame, "vessels": xc.Vessels,
-          "run": xc.Run, "flow": xc.BloodFlow, "comparison": xc.Comparison}
+          "run": xc.Run, "flow": xc.BloodFlow, "comparison": xc.Comparison, "edited": xc.EditedVessels}
 # Arguments with another name than their option's, but for units.
 NAMES = {"output": "path|folder|output", "heart_rate": "heart_rate_bpm", "device": "name", "isocentre": "centre_mm", "device_model": "instruments",
          "label": "labels", "not": "not_vessels", "seed": "seeds", "period": "period_s", "object": "objects"}

@@ -1,0 +1,58 @@
+#include "xraycast/lesions/tube_places.hpp"
+
+#include <glm/common.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+std::vector<SegmentIndex::Segment> pieces_of(const VesselTree& tree, const std::vector<bool>& counts) {
+  std::vector<SegmentIndex::Segment> pieces;
+  for (std::size_t b = 0; b < tree.branches().size(); ++b) {
+    if (!counts.empty() && !counts[b]) continue;
+    const std::vector<VesselPoint>& points = tree.branches()[b].points;
+    for (std::size_t k = 0; k + 1 < points.size(); ++k)
+      pieces.push_back({points[k].position_mm, points[k + 1].position_mm, points[k].radius_mm,
+                        points[k + 1].radius_mm, static_cast<int>(b), static_cast<int>(k)});
+  }
+  return pieces;
+}
+
+TubePlace place_of(const SegmentIndex::Nearest& found) {
+  const SegmentIndex::Segment& piece = found.segment;
+  const double radius_mm = std::lerp(piece.start_radius_mm, piece.end_radius_mm, found.fraction);
+  return {.branch = piece.branch,
+          .point = piece.point,
+          .fraction = found.fraction,
+          .centre_mm = glm::mix(piece.start_mm, piece.end_mm, found.fraction),
+          .radius_mm = radius_mm,
+          .out_mm = found.distance_mm - radius_mm};
+}
+
+}  // namespace
+
+double TubePlace::arc_length_mm(const VesselTree& tree) const {
+  const std::vector<double>& along_mm = tree.branches()[static_cast<std::size_t>(branch)].arc_length_mm;
+  const auto at = static_cast<std::size_t>(point);
+  return std::lerp(along_mm[at], along_mm[at + 1], fraction);
+}
+
+TubePlaces::TubePlaces(const VesselTree& tree, const std::vector<bool>& counts)
+    : pieces_(pieces_of(tree, counts)), widest_mm_(0) {
+  for (const SegmentIndex::Segment& piece : pieces_of(tree, counts))
+    widest_mm_ = std::max({widest_mm_, piece.start_radius_mm, piece.end_radius_mm});
+}
+
+TubePlace TubePlaces::deepest(const glm::dvec3& point_mm) const {
+  TubePlace best = place_of(pieces_.nearest(point_mm));
+  // What is deeper has its centreline within the widest radius more than the best depth. All are visited.
+  pieces_.nearest(point_mm, best.out_mm + widest_mm_, [&](const SegmentIndex::Nearest& found) {
+    if (const TubePlace place = place_of(found); place.out_mm < best.out_mm) best = place;
+    return false;
+  });
+  return best;
+}
+
+}  // namespace xraycast
