@@ -222,7 +222,8 @@ void add_frames(nb::module_& module) {
           },
           nb::kw_only(), nb::arg("vessels") = nb::none(), nb::arg("instruments") = nb::none(),
           nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml, nb::arg("objects") = nb::none(), kShared,
-          "The optical depth that vessels, instruments and objects alone add in this view, as BodyMap.render draws "
+          "The optical depth that vessels, instruments and objects alone add in this view, as BodyMap.render "
+          "draws "
           "them, (rows, columns) float32; a new array.")
       .def_prop_ro(
           "shape", [](const Frame& f) { return nb::make_tuple(f.height(), f.width()); }, "(rows, columns)")

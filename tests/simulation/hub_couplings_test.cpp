@@ -58,6 +58,19 @@ TEST(HubCouplings, TheHandMovesTheHubThatItHolds) {
   EXPECT_NEAR(pair.hubs[1].insertion_mm, 20, kSettled_mm);
 }
 
+TEST(HubCouplings, PassPressuresOn) {
+  Pair pair;
+  pair.couplings.inflate(1, 8);
+  for (const bool is_locked : {false, true}) {
+    pair.couplings.lock(is_locked);
+    const auto targets = pair.couplings.step(pair.hubs, pair.loads, kStep_s);
+    EXPECT_EQ(targets[0].inflation_bar, 0) << is_locked;
+    EXPECT_EQ(targets[1].inflation_bar, 8) << is_locked;
+  }
+  pair.couplings.replace(1, {}, kLongest_mm);
+  EXPECT_EQ(pair.couplings.inflation_bar(1), 0) << "another instrument";
+}
+
 TEST(HubCouplings, ALockedValveMovesBothAsTheOneThatIsHeld) {
   Pair pair;
   pair.push(0, 50, 1000);

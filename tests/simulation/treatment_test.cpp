@@ -379,7 +379,7 @@ TEST(Stent, StaysWhereItsBalloonWasFolded) {
   request.script = Script::parse(
       std::string(kColumns) +
           "0,118,0,0\n1,118,0,1\n2,118,0,0\n2.2,118,0,0\n3.1,118,0,8\n4,118,0,0\n4.5,90,0,0\n5.5,90,0,8\n"
-          "6.5,90,0,0\n7,118,0,0\n8.5,118,0,12\n10,118,0,0\n",
+          "6.5,90,0,0\n7,118,0,0\n8.4,118,0,12\n8.6,118,0,12\n10,118,0,0\n",
       "inflate.csv");
   std::vector<std::pair<double, bool>> carried;
   std::vector<PlacedStent> stents;

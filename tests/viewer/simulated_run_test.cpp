@@ -1,5 +1,6 @@
 #include "xraycast/serving/simulated_run.hpp"
 
+#include "xraycast/catheter/lumen_profile.hpp"
 #include "xraycast/haptics/manual_device.hpp"
 #include "xraycast/haptics/script_device.hpp"
 #include "xraycast/phantom/phantom.hpp"
@@ -95,6 +96,43 @@ TEST(SimulatedRun, EachInstrumentHasItsHubSurfaceAndColumns) {
   run.inject(5);
   watch(run, 0.2);
   EXPECT_EQ(run.injected_ml(), 0);
+}
+
+TEST(SimulatedRun, ABalloonOpensItsVesselAndLeavesItsStent) {
+  VesselBranch branch;
+  for (int i = 0; i <= 120; ++i) branch.points.push_back({{0, 0, 1.0 * i}, 2.5});
+  auto device = std::make_unique<ManualDevice>("keyboard");
+  ManualDevice& hand = *device;
+  SimulatedRun run({.tree = std::make_shared<const VesselTree>(std::vector{branch}, "tube"),
+                    .instruments = instruments_named({"stent-6x18"}),
+                    .entry = {glm::dvec3(0)}},
+                   std::move(device));
+  run.start_recording();
+  hand.set_rates(100, 0);
+  watch(run, 0.7);
+  hand.set_rates(0, 0);
+  // The catheter, two markers, the balloon, which is folded, and the stent's 7 rings and 18 links.
+  ASSERT_EQ(run.instruments().size(), 4u + 25);
+  EXPECT_TRUE(run.instruments()[3].mesh.points_mm.empty());
+  EXPECT_EQ(run.now().treated, nullptr);
+  run.inflate(0, 8);
+  watch(run, 1.1);
+  EXPECT_EQ(run.now().balloon_bar, 8);
+  EXPECT_FALSE(run.instruments()[3].mesh.points_mm.empty());
+  run.inflate(0, 0);
+  watch(run, 1.1);
+  EXPECT_EQ(run.now().balloon_bar, 0);
+  EXPECT_FALSE(run.now().carries_stent);
+  ASSERT_NE(run.now().treated, nullptr);
+  ASSERT_EQ(run.now().treated->stents.size(), 1u);
+  const PlacedStent& stent = run.now().treated->stents[0];
+  EXPECT_NEAR(radius_mm(*run.now().treated->walls.field(), 0, stent.middle_mm), 2.95, 1e-9);
+  EXPECT_EQ(run.instruments().size(), 4u + 25) << "of the stent that was left";
+  const Script recorded = Script::parse(run.stop_recording(), "recording");
+  EXPECT_EQ(
+      std::ranges::max(recorded.rows(), {}, [](const Script::Row& row) { return row.pose.inflation_bar; })
+          .pose.inflation_bar,
+      8);
 }
 
 TEST(SimulatedRun, AReplayEndsWhereTheRecordingEnded) {

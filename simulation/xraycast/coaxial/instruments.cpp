@@ -327,8 +327,9 @@ void Instruments::work_balloons() {
     filled.push_back({d, &model.name(), bar, state.place, state.opens_stent ? &*model.stent() : nullptr});
   }
   if (!has_changed && filled.empty()) return;
+  const std::size_t stents_before = treatments_.stents().size();
   const bool yields = treatments_.work(filled, time_s());
-  if (yields) ++wall_changes_;
+  if (yields || treatments_.stents().size() != stents_before) ++vessel_changes_;
   if (!yields && !has_changed) return;
   for (std::size_t d = 0; d < count(); ++d)
     walls_[d]->take_walls(treatments_.walls().field(), balloon_on_wall(d), rod(d));

@@ -117,9 +117,10 @@ class Instruments {
   /// What balloons did, and the walls, which yielded to them.
   const Treatments& treatments() const { return treatments_; }
   const VesselTree& tree() const { return tree_; }  ///< as it was at first
-  /// The vessels as they are now, and how often they have changed: a tree with the same points.
+  /// The vessels as they are now, a tree with the same points, and how often they, or stents in them, have
+  /// changed.
   VesselTree widened_tree() const { return treatments_.walls().widened(tree_); }
-  long wall_changes() const { return wall_changes_; }
+  long vessel_changes() const { return vessel_changes_; }
   const VesselEnd& entry() const { return end_; }  ///< of the tree
 
   /// All instruments within it are drawn back to 0 (see kDrawnBack_mm), so that contrast agent can be
@@ -178,7 +179,7 @@ class Instruments {
   Walls walls_;
   std::vector<MovingHub> hubs_;
   std::vector<BalloonState> balloons_;
-  long wall_changes_ = 0;
+  long vessel_changes_ = 0;
   long steps_ = 0;
 };
 

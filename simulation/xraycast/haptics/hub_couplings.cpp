@@ -15,6 +15,7 @@ HubCouplings::HubCouplings(HapticDevice& device, std::vector<double> max_inserti
 
 void HubCouplings::replace(std::size_t hub, const HubPose& at, double max_insertion_mm) {
   max_insertions_mm_[hub] = max_insertion_mm;
+  inflate(hub, 0);
   release(hub, at);
 }
 
@@ -24,10 +25,16 @@ std::span<const HubPose> HubCouplings::step(std::span<const HubPose> hubs, std::
     for (std::size_t hub = 0; hub < hubs.size(); ++hub) targets_[hub] = device_.pose(hub).pose;
     return targets_;
   }
+  move(hubs, loads, step_s);
+  for (std::size_t hub = 0; hub < hubs.size(); ++hub) targets_[hub].inflation_bar = inflation_bar(hub);
+  return targets_;
+}
+
+void HubCouplings::move(std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s) {
   move_valve(hubs);
   if (!is_locked_) {
     for (std::size_t hub = 0; hub < hubs.size(); ++hub) lead(hub, hubs[hub], loads[hub], step_s);
-    return targets_;
+    return;
   }
   HubLoad sum;
   for (const HubLoad& load : loads) sum.force_N += load.force_N, sum.torque_Nm += load.torque_Nm;
@@ -39,7 +46,6 @@ std::span<const HubPose> HubCouplings::step(std::span<const HubPose> hubs, std::
                      hubs[hub].rotation_rad + to.rotation_rad - from.rotation_rad};
     if (hub != leader_) device_.set_load(hub, {});
   }
-  return targets_;
 }
 
 /// Of what is wanted, as much as every hub can move.

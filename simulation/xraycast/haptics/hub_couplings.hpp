@@ -3,6 +3,7 @@
 #include "xraycast/haptics/haptic_device.hpp"
 #include "xraycast/haptics/virtual_coupling.hpp"
 
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <span>
@@ -25,6 +26,11 @@ class HubCouplings {
   void lock(bool is_locked) { wants_lock_.store(is_locked, std::memory_order_relaxed); }
   bool is_locked() const { return wants_lock_.load(std::memory_order_relaxed); }
 
+  /// The pressure in the balloon of a hub's instrument, to which a step leads where the device is not rigid.
+  /// For any one thread; another instrument begins at 0.
+  void inflate(std::size_t hub, double bar) { wants_bar_[hub].store(bar, std::memory_order_relaxed); }
+  double inflation_bar(std::size_t hub) const { return wants_bar_[hub].load(std::memory_order_relaxed); }
+
   /// Another instrument's hub, at a pose, instead of one; the hand goes on from there. For the thread that
   /// steps.
   void replace(std::size_t hub, const HubPose& at, double max_insertion_mm);
@@ -34,6 +40,7 @@ class HubCouplings {
   std::span<const HubPose> step(std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s);
 
  private:
+  void move(std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s);
   void move_valve(std::span<const HubPose> hubs);
   void release(std::size_t hub, const HubPose& at);
   void lead(std::size_t hub, const HubPose& at, const HubLoad& load, double step_s);
@@ -45,6 +52,7 @@ class HubCouplings {
   std::vector<VirtualCoupling> couplings_;
   std::vector<HubPose> targets_;
   std::atomic<bool> wants_lock_{false};
+  std::array<std::atomic<double>, kMaxHubs> wants_bar_{};
   bool is_locked_ = false;
   std::size_t leader_ = 0;
 };

@@ -63,12 +63,12 @@ struct RunRecord {
   HubPose pose;
   HubLoad load;
   InstrumentTip tip;
-  int contacts = 0;              ///< contact points in contact with a wall
-  double contact_force_N = 0;    ///< sum of the magnitudes of their forces
-  double deepest_mm = 0;         ///< depth in the wall
-  double wall_work_J = 0;        ///< of the moving wall on the instrument so far
-  double balloon_bar = 0;        ///< as far as it is filled; see Instruments::balloon_bar
-  double balloon_mm = 0;         ///< diameter of its balloon; 0 without one
+  int contacts = 0;            ///< contact points in contact with a wall
+  double contact_force_N = 0;  ///< sum of the magnitudes of their forces
+  double deepest_mm = 0;       ///< depth in the wall
+  double wall_work_J = 0;      ///< of the moving wall on the instrument so far
+  double balloon_bar = 0;      ///< as far as it is filled; see Instruments::balloon_bar
+  double balloon_mm = 0;       ///< diameter of its balloon; 0 without one
   double pressure_mmHg = kNoPressure,
          aortic_mmHg = kNoPressure;  ///< of the blood at the tip; without any no number
   std::vector<double> phases{};      ///< of the motion's modes; none without a motion

@@ -113,6 +113,11 @@ void SimulationLoop::publish() {
   next_.time_s = instruments_->time_s();
   next_.agent_outlet = agent_outlet(*instruments_);
   next_.phases.assign(instruments_->phases().begin(), instruments_->phases().end());
+  if (instruments_->vessel_changes() != vessel_changes_) {
+    vessel_changes_ = instruments_->vessel_changes();
+    next_.treated = std::make_shared<const TreatedVessels>(
+        TreatedVessels{instruments_->treatments().walls(), instruments_->treatments().stents()});
+  }
   publish(0, next_);
   for (std::size_t d = 1; d < instruments_->count(); ++d) publish(d, next_.inner[d - 1]);
   snapshots_.write(next_);
@@ -122,6 +127,8 @@ void SimulationLoop::publish(std::size_t instrument, InstrumentSnapshot& snapsho
   hubs_[instrument] = snapshot.pose = instruments_->pose(instrument);
   loads_[instrument] = snapshot.load = instruments_->load(instrument);
   snapshot.tip = instruments_->tip(instrument);
+  snapshot.balloon_bar = instruments_->balloon_bar(instrument);
+  snapshot.carries_stent = instruments_->carries_stent(instrument);
   snapshot.nodes_mm.reserve(instruments_->rod(instrument).max_nodes());
   snapshot.contacts.reserve(instruments_->rod(instrument).max_nodes());
   instruments_->copy_nodes(instrument, snapshot.nodes_mm);

@@ -33,6 +33,14 @@ struct InstrumentSnapshot {
   InstrumentTip tip;
   std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's outer end to the tip
   std::vector<InstrumentContact> contacts;
+  double balloon_bar = 0;      ///< see Instruments
+  bool carries_stent = false;  ///< likewise
+};
+
+/// What treatments made of the vessels.
+struct TreatedVessels {
+  YieldingWalls walls;
+  std::vector<PlacedStent> stents;
 };
 
 /// Why an exchange was refused, in one line that says what to do.
@@ -49,7 +57,8 @@ struct CatheterSnapshot : InstrumentSnapshot {
   std::shared_ptr<const ExchangeRefusal> refusal;  ///< of the last exchange; null: it was made, or none was
   std::int64_t exchanges = 0;                      ///< answered so far, made or refused
   std::optional<std::size_t> agent_outlet;
-  std::vector<double> phases;  ///< of the body's motion; none without a motion
+  std::vector<double> phases;                     ///< of the body's motion; none without a motion
+  std::shared_ptr<const TreatedVessels> treated;  ///< another one after each change; null: none yet
   double time_s = 0;
   LoopTiming timing;
 
@@ -118,6 +127,7 @@ class SimulationLoop {
   Watch watch_;
   std::vector<HubPose> hubs_;
   std::vector<HubLoad> loads_;
+  long vessel_changes_ = 0;  ///< that were published
   CatheterSnapshot next_;
   TripleBuffer<CatheterSnapshot> snapshots_;
   double sum_ms_ = 0;

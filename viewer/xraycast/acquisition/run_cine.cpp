@@ -127,8 +127,8 @@ void RunCine::inject(const VesselTree::Location& tip, bool is_lumen_free, double
 
 /// Where walls have yielded since the last frame.
 void RunCine::take_walls(const Instruments& instruments) {
-  if (instruments.wall_changes() == wall_changes_) return;
-  wall_changes_ = instruments.wall_changes();
+  if (instruments.vessel_changes() == vessel_changes_) return;
+  vessel_changes_ = instruments.vessel_changes();
   const VesselTree widened = instruments.widened_tree();
   contrast_ = ContrastSurface(widened);
   bolus_.take_radii(widened);

@@ -92,8 +92,8 @@ class RunCine {
   ContrastSurface contrast_;
   std::optional<MovingPoints> contrast_points_;
   RoadMap road_map_;
-  std::size_t placed_ = 0;  ///< surfaces
-  long wall_changes_ = 0;   ///< that pictures show; see Instruments
+  std::size_t placed_ = 0;   ///< surfaces
+  long vessel_changes_ = 0;  ///< that pictures show; see Instruments
   SubtractionWindow window_;
   std::vector<float> tau_;
   double last_s_ = 0, next_flow_s_ = 0, injected_ml_ = 0, withheld_ml_ = 0;

@@ -2,6 +2,7 @@
 
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/pulse_blur.hpp"
+#include "xraycast/scene/stent_surface.hpp"
 
 #include <fmt/format.h>
 
@@ -42,6 +43,7 @@ SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevi
       bolus_(*tree_),
       contrast_(*tree_),
       moving_(std::move(moving)),
+      motion_(request.body.motion),
       body_from_s_(moving_.body ? moving_.body->time_s() : 0),
       monitor_(progress_of(exercise, *tree_)),
       loop_(
@@ -67,6 +69,7 @@ void SimulatedRun::update() {
   const double passed_s = now_->time_s - before_s;
   if (passed_s <= 0) return;
 
+  if (now_->treated != treated_) take_vessels();
   const double injection_ml_s = now_->agent_outlet ? injection_ml_s_ : 0;
   bolus_.flow().fill(fillings());
   bolus_.step(passed_s, location_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s);
@@ -87,11 +90,37 @@ std::vector<TreeFlow::Filling> SimulatedRun::fillings() const {
   return all;
 }
 
+void SimulatedRun::take_vessels() {
+  treated_ = now_->treated;
+  const VesselTree widened = treated_->walls.widened(*tree_);
+  contrast_ = ContrastSurface(widened);
+  bolus_.take_radii(widened);
+  stents_.clear();
+  for (const PlacedStent& stent : treated_->stents)
+    for (Surface& surface : stent_surfaces(stent, *tree_)) stents_.push_back(std::move(surface));
+  if (!motion_) return;
+  Progress progress;
+  moving_.contrast =
+      std::make_shared<const MovingPoints>(contrast_.whole().mesh.points_mm, *motion_, progress);
+  stent_points_.clear();
+  for (const Surface& surface : stents_)
+    stent_points_.emplace_back(surface.mesh.points_mm, *motion_, progress);
+}
+
 std::vector<Surface> SimulatedRun::instruments(double later_s) const {
   std::vector<Surface> surfaces;
   for (std::size_t d = 0; d < now_->count(); ++d)
-    for (Surface& surface : instrument_surfaces(nodes_of(d, later_s), models()[d]))
+    for (Surface& surface :
+         instrument_surfaces(nodes_of(d, later_s), models()[d],
+                             {now_->instrument(d).balloon_bar, now_->instrument(d).carries_stent}))
       surfaces.push_back(std::move(surface));
+  for (std::size_t s = 0; s < stents_.size(); ++s) {
+    surfaces.push_back(stents_[s]);
+    if (s < stent_points_.size()) {
+      const auto moved_mm = stent_points_[s].at(now_->phases);
+      surfaces.back().mesh.points_mm.assign(moved_mm.begin(), moved_mm.end());
+    }
+  }
   return surfaces;
 }
 
@@ -137,12 +166,16 @@ std::string SimulatedRun::stop_recording() {
   std::string csv = "time_s,insertion_mm,rotation_deg";
   for (std::size_t d = 1; d < now_->count(); ++d)
     csv += fmt::format(",insertion_{0}_mm,rotation_{0}_deg", d + 1);
+  for (std::size_t d = 0; d < now_->count(); ++d)
+    if (models()[d].balloon()) csv += d == 0 ? ",inflation_bar" : fmt::format(",inflation_{}_bar", d + 1);
   csv += '\n';
   for (const Poses& row : recorded_) {
     csv += fmt::format("{:.4f}", row.time_s - recorded_.front().time_s);
     for (std::size_t d = 0; d < now_->count(); ++d)
       csv += fmt::format(",{:.4f},{:.4f}", row.hubs[d].insertion_mm,
                          row.hubs[d].rotation_rad * 180 / std::numbers::pi);
+    for (std::size_t d = 0; d < now_->count(); ++d)
+      if (models()[d].balloon()) csv += fmt::format(",{:.4f}", row.hubs[d].inflation_bar);
     csv += '\n';
   }
   return csv;

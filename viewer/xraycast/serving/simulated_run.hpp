@@ -73,11 +73,16 @@ class SimulatedRun {
   double injection_ml_s() const { return injection_ml_s_; }
   double injected_ml() const { return injected_ml_; }
 
+  /// Fills the balloon of an instrument, or folds it: the pressure to which it goes, up to what it bears, by
+  /// at most MovingHub::kMaxInflation_bar_s. See HubCouplings.
+  void inflate(std::size_t instrument, double bar) { couplings_.inflate(instrument, bar); }
+  double inflation_bar(std::size_t instrument) const { return couplings_.inflation_bar(instrument); }
+
   /// What is counted of the run.
   LiveMonitor& monitor() { return monitor_; }
   const LiveMonitor& monitor() const { return monitor_; }
 
-  /// Now, or so much later as they go on.
+  /// Now, or so much later as they go on; with the stents that were left.
   std::vector<Surface> instruments(double later_s = 0) const;
   Surface contrast(double later_s = 0) const;
 
@@ -103,6 +108,7 @@ class SimulatedRun {
   std::string stop_recording();
 
  private:
+  void take_vessels();
   struct Poses {
     double time_s;
     std::array<HubPose, kMaxHubs> hubs;
@@ -118,7 +124,11 @@ class SimulatedRun {
   ContrastBolus bolus_;
   ContrastSurface contrast_;
   Moving moving_;
-  double body_from_s_;  ///< the body's time as the run begins
+  std::shared_ptr<const Motion> motion_;           ///< none: the body is still
+  std::shared_ptr<const TreatedVessels> treated_;  ///< that contrast agent and stents are of
+  std::vector<Surface> stents_;                    ///< in the scan
+  std::vector<MovingPoints> stent_points_;         ///< of each; none where the body is still
+  double body_from_s_;                             ///< the body's time as the run begins
   double injection_ml_s_ = 0, injected_ml_ = 0;
   std::deque<Load> loads_;
   bool is_recording_ = false;

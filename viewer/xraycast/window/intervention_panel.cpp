@@ -80,6 +80,24 @@ void choose_instrument(Intervention& intervention, std::size_t number) {
   if (const std::string note = intervention.note_on_exchange(number); !note.empty()) write_wrapped(note);
 }
 
+/// How far its balloon is to be filled, and is.
+void fill_balloon(Intervention& intervention, std::size_t number) {
+  const InstrumentModel& model = intervention.run().models()[number];
+  if (!model.balloon()) return;
+  const InstrumentSnapshot& instrument = intervention.run().now().instrument(number);
+  auto bar = static_cast<float>(intervention.run().inflation_bar(number));
+  ImGui::SetNextItemWidth(8 * ImGui::GetFontSize());
+  if (ImGui::SliderFloat("balloon, bar", &bar, 0, static_cast<float>(model.max_inflation_bar()), "%.1f"))
+    intervention.run().inflate(number, bar);
+  ImGui::SameLine();
+  if (ImGui::Button("Fold")) intervention.run().inflate(number, 0);
+  const double diameter_mm = 2 * model.balloon_radius_mm(instrument.balloon_bar);
+  if (instrument.balloon_bar > 0)
+    write_wrapped(fmt::format("filled to {:.1f} bar: {:.2f} mm", instrument.balloon_bar, diameter_mm));
+  else
+    write_wrapped(bar > 0 ? "folded: advance it out of what is around it" : "folded");
+}
+
 void show_instrument(Intervention& intervention, std::size_t number) {
   const SimulatedRun& run = intervention.run();
   const InstrumentSnapshot& instrument = run.now().instrument(number);
@@ -95,6 +113,7 @@ void show_instrument(Intervention& intervention, std::size_t number) {
                             no_negative_zero(instrument.pose.rotation_rad / kRadians, 0)));
   write_wrapped(fmt::format("tip: {}, at {:.0f} mm", run.tree().title(instrument.tip.branch),
                             no_negative_zero(instrument.tip.arc_length_mm, 0)));
+  fill_balloon(intervention, number);
   show_loads(run, number);
   ImGui::PopID();
 }
