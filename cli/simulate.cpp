@@ -113,8 +113,8 @@ class Cine {
     invocation.say(notes);
     const RunCine::Options cine{.view = view_of(options, bounds),
                                 .picture = picture_with_masks(options, request.body),
-                                .injection = parse_injection(options.injection),
                                 .implants = surfaces_of(implants),
+                                .injection = parse_injection(options.injection),
                                 .blood = request.blood,
                                 .body = request.body};
     if (request.body.motion && !map->keys)

@@ -144,6 +144,17 @@ void add_edit(CLI::App& app, Invocation& invocation) {
            "Radii of a branch, of all (radii), or the whole tree (size), times a factor; repeatable",
            "BRANCH|radii|size,FACTOR");
   command
+      ->add_option(
+          "--scan", options->scan,
+          "Also write this scan of the vessels with the lesions, edited.nii.gz: plaque where lumen was, "
+          "blood with contrast agent in new lumen, with the scan's own blur and noise")
+      ->type_name("SCAN");
+  command
+      ->add_option("--random", options->random,
+                   "Besides, so many lesions whose kinds, places and severities are drawn by chance")
+      ->type_name("N");
+  command->add_option("--seed", options->seed, "Seed of --random")->capture_default_str()->type_name("N");
+  command
       ->add_option("--edits", options->edits,
                    "Make the edits of an edits.json, before those of other options")
       ->type_name("FILE");

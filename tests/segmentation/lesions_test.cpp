@@ -7,6 +7,10 @@
 #include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/lesions/edit.hpp"
+#include "xraycast/lesions/edited_tree.hpp"
+#include "xraycast/lesions/placed_edits.hpp"
+#include "xraycast/lesions/random_edits.hpp"
+#include "xraycast/lesions/wall_change.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/surface.hpp"
 
@@ -363,6 +367,49 @@ TEST(Lesions, EditsOfAFileAreTheSame) {
   EXPECT_EQ(again.vessels.surface.points_mm, first.vessels.surface.points_mm);
   EXPECT_EQ(again.vessels.surface.triangles, first.vessels.surface.triangles);
   EXPECT_EQ(again.lesions, first.lesions);
+}
+
+TEST(Lesions, DrawnByChanceFitAHundredTrees) {
+  int stenoses = 0, sacs = 0;
+  for (std::uint32_t seed = 1; seed <= 100; ++seed) {
+    SCOPED_TRACE(seed);
+    const VesselTree tree = branching_tree(seed % 10 + 1);
+    std::vector<std::string> notes;
+    const Edits edits = with_random_edits(tree, {}, 3, seed, notes);
+    EXPECT_EQ(edits, with_random_edits(tree, {}, 3, seed, notes));
+    const PlacedEdits placed = placed_edits(tree, edits);
+    // A tree refuses numbers that are not finite, and radii that are not above zero.
+    VesselTree after = wall_change(tree, placed).after();
+    for (const PlacedSac& sac : placed.sacs) {
+      const VesselPoint axis = point_at(tree.branches()[static_cast<std::size_t>(sac.branch)], sac.at_mm);
+      const SacBall ball{.wall_mm = axis.position_mm + axis.radius_mm * sac.outwards,
+                         .outwards = sac.outwards,
+                         .height_mm = sac.height_mm(),
+                         .radius_mm = 0.5 * sac.diameter_mm};
+      after = with_sac(after, ball, sac.neck_mm).tree;
+      EXPECT_TRUE(after.inside(ball.centre_mm()));
+    }
+    stenoses += static_cast<int>(placed.stenoses.size());
+    sacs += static_cast<int>(placed.sacs.size());
+  }
+  // Three to one of 300, less those without room: a binomial's standard deviation is 8.
+  EXPECT_GT(stenoses, 190);
+  EXPECT_GT(sacs, 25);
+}
+
+TEST(Lesions, DrawnByChanceAreMade) {
+  for (std::uint32_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    const TemporaryFolder folder;
+    write_folder(branching_tree(seed), 1, folder.path());
+    Progress unheard;
+    const EditedVessels found =
+        edit_vessels({.input = folder.path(), .edits = {}, .random = 3, .seed = seed}, unheard);
+    EXPECT_EQ(found.lesions.size(), found.edits.stenoses.size() + found.edits.aneurysms.size());
+    EXPECT_GE(found.lesions.size(), 1);
+    EXPECT_TRUE(is_watertight(found.vessels.surface));
+    EXPECT_GT(found.vessels.mask.count(), 100);
+  }
 }
 
 struct BadEdits : testing::Test {

@@ -170,6 +170,26 @@ TEST_F(Bolus, IsAsFastInNarrowBranchesAsInWideOnes) {
   }
 }
 
+/// As a stent does.
+TEST(WidenedTree, ABranchHasItsFlowAgainWhereItsStenosisIsOpened) {
+  const auto with_throat = [](double radius_mm) {
+    std::vector<VesselBranch> branches{straight({0, 0, 0}, {0, 0, -100}, 4, -1),
+                                       straight({0, 0, -100}, {40, 0, -150}, 3, 0),
+                                       straight({0, 0, -100}, {-40, 0, -150}, 3, 0)};
+    for (std::size_t i = 45; i <= 55; ++i) branches[1].points[i].radius_mm = radius_mm;
+    return VesselTree(std::move(branches), "test");
+  };
+  const VesselTree narrow = with_throat(0.5), open = with_throat(3);
+  ContrastBolus bolus(narrow, {.heart_rate_bpm = kSteady_bpm});
+  const ContrastBolus healthy(open, {.heart_rate_bpm = kSteady_bpm});
+  const double before_ml_s = bolus.flow().end_ml_s(1), healthy_ml_s = healthy.flow().end_ml_s(1);
+  EXPECT_LT(before_ml_s, 0.8 * healthy_ml_s);
+  bolus.take_radii(open);
+  for (int step = 0; step < 100; ++step) bolus.step(0.1, place(0, 50), 0);
+  // Steady flow settles by the windkessel's 1.4 s: exp(-7) is left of the difference after 10 s.
+  EXPECT_NEAR(bolus.flow().end_ml_s(1), healthy_ml_s, 2e-3 * healthy_ml_s);
+}
+
 TEST_F(Bolus, DividesTheFlowByAPowerOfTheRadii) {
   EXPECT_NEAR(bolus_.mean_flow_ml_s(0), kRootFlow_ml_s, 1e-12);
   EXPECT_NEAR(bolus_.mean_flow_ml_s(1), kRootFlow_ml_s * 9 / 13, 1e-12);

@@ -19,14 +19,16 @@
 namespace xraycast::treatment_runs_test {
 namespace {
 
-/// Stenoses by chance in all branches that are long enough.
+/// All vessels narrower, so that balloons open many of them, and stenoses by chance in all branches that are
+/// long enough.
 VesselTree narrowed(const VesselTree& tree, std::mt19937& random) {
-  constexpr double kLength_mm = 14;
+  constexpr double kLength_mm = 14, kNarrower = 0.6;
   const auto uniform = [&](double from, double to) {
     return std::uniform_real_distribution(from, to)(random);
   };
   std::vector<VesselBranch> branches = tree.branches();
   for (VesselBranch& branch : branches) {
+    for (VesselPoint& point : branch.points) point.radius_mm *= kNarrower;
     if (branch.arc_length_mm.back() < 3 * kLength_mm) continue;
     const double at_mm = uniform(kLength_mm, branch.arc_length_mm.back() - kLength_mm),
                  share = uniform(0, 0.5);

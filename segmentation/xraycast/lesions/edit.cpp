@@ -154,10 +154,7 @@ SacBall ball_of(const PlacedSac& sac, const VesselTree& given, const EditedFolde
 Lesion add_sac(EditedFolder& folder, const PlacedSac& sac, const VesselTree& given) {
   const SacBall ball = ball_of(sac, given, folder);
   std::optional<Mesh> surface = with_sac(folder.surface, ball);
-  if (!surface) {
-    folder.surface = one_wall(folder.surface, folder.tree);
-    surface = with_sac(folder.surface, ball);
-  }
+  if (!surface) surface = with_sac(one_wall(folder.surface, folder.tree), ball);
   if (!surface)
     throw InputError(
         "`aneurysm` at {:.1f} mm of {}: its ball and the wall do not meet in one opening; make it smaller or "
@@ -186,6 +183,23 @@ Lesion add_sac(EditedFolder& folder, const PlacedSac& sac, const VesselTree& giv
                              .diameter_mm = sac.diameter_mm,
                              .neck_mm = sac.neck_mm,
                              .branch = edited.branch}};
+}
+
+/// Adds all aneurysms. One that was drawn by chance, behind the first `asked`, is left out of the edits where
+/// the surface has no room for it.
+void add_sacs(EditedFolder& folder, const std::vector<PlacedSac>& sacs, const VesselTree& given,
+              std::size_t asked, Edits& edits, std::vector<Lesion>& lesions) {
+  std::vector<AneurysmEdit> made;
+  for (std::size_t i = 0; i < sacs.size(); ++i) {
+    try {
+      lesions.push_back(add_sac(folder, sacs[i], given));
+      made.push_back(edits.aneurysms[i]);
+    } catch (const InputError& refusal) {
+      if (i < asked) throw;
+      folder.notes.push_back(fmt::format("`random`: left out: {}", refusal.what()));
+    }
+  }
+  edits.aneurysms = std::move(made);
 }
 
 /// A stenosis in the changed tree; its place there is found at the end.
@@ -323,7 +337,7 @@ EditedVessels edit_vessels(const EditRequest& request, std::optional<Volume> sca
   progress.begin("reading", 1, "folders");
   EditedFolder folder = opened(request.input, std::move(scan), progress);
   const VesselTree given = folder.tree;
-  const Edits edits = with_random_edits(given, request.edits, request.random, request.seed, folder.notes);
+  Edits edits = with_random_edits(given, request.edits, request.random, request.seed, folder.notes);
   const PlacedEdits placed = placed_edits(given, edits);
   if (folder.scan && placed.scales.size != 1)
     throw InputError("`scale` {},{:g} does not apply to `scan`, whose body stays as large; leave one out",
@@ -334,7 +348,7 @@ EditedVessels edit_vessels(const EditRequest& request, std::optional<Volume> sca
   progress.advance();
   if (placed.removes_any()) remove_branches(folder, placed.is_removed);
   progress.advance();
-  for (const PlacedSac& sac : placed.sacs) lesions.push_back(add_sac(folder, sac, given));
+  add_sacs(folder, placed.sacs, given, request.edits.aneurysms.size(), edits, lesions);
   progress.advance();
   if (placed.scales.size != 1) scale_all(folder, lesions, placed.scales.size);
   place_lesions(lesions, folder.tree);

@@ -30,7 +30,7 @@ class ContrastBolus {
   void step(double time_s, const VesselTree::Location& tip, double injection_ml_s, double agent_mg_ml = 350);
 
   /// The vessels have other radii, as where walls have yielded: those of a tree with the same points. Iodine
-  /// stays where it is, in more or less blood; the blood's mean flow stays, too.
+  /// stays where it is, in more or less blood, and the blood flows as the new radii let it.
   void take_radii(const VesselTree& tree);
 
   /// Iodine concentration in every branch's segments, one fewer than its points.
