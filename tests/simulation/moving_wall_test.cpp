@@ -438,8 +438,10 @@ TEST(MovingWall, KeepsACatheterWithinItAndShowsItsBeatAtTheHub) {
   EXPECT_EQ(moving.modes, std::vector<std::string>{"heart"});
   const std::string csv = to_csv(moving);
   EXPECT_EQ(csv.substr(0, 37), "time_s,phase_heart,insertion_mm,rotat");
-  EXPECT_NE(csv.find("deepest_mm,tip_scan_x_mm,tip_scan_y_mm,tip_scan_z_mm,wall_work_J\n"),
-            std::string::npos);
+  EXPECT_NE(
+      csv.find(
+          "deepest_mm,pressure_mmHg,tip_scan_x_mm,tip_scan_y_mm,tip_scan_z_mm,wall_work_J,aortic_mmHg\n"),
+      std::string::npos);
 }
 
 // In the middle of a wide vessel, where the wall is asked for but now and then.

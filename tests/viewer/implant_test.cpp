@@ -160,11 +160,12 @@ TEST(Implant, ChordsAreThoseOfItsShape) {
       surfaces.add_to(lengths, view);
       const auto length_at = [&](int i, int j) {
         const double pixel = view.pixel_mm, across = (i - 40) * pixel, up = (40 - j) * pixel;
-        // Towards +y from the front, +x to the right of the picture.
+        // From the front, +x to the right of the picture; a source lies on one side of the body.
         glm::dvec3 from(across, -500, up), along(0, 1, 0);
         if (view.cone) {
-          from = {0, -view.cone->source_axis_mm, 0};
-          along = glm::normalize(glm::dvec3(across, view.cone->source_detector_mm, up));
+          from = view.source_mm();
+          const double towards = from.y > 0 ? -1 : 1;
+          along = glm::normalize(glm::dvec3(across, towards * view.cone->source_detector_mm, up));
         }
         const glm::dmat3 back = glm::transpose(turn);
         return chord(back * (from - shift), back * along);
