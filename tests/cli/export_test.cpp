@@ -149,14 +149,14 @@ TEST_F(Export, SteersUnderTheCArmThatIsAskedFor) {
   const std::string line = "@/map.exr --vessels @/vessels --live --device-model microcatheter-27f ";
   const Json usual = header_of(written(line + "-o @/usual.html", "usual.html")),
              mobile = header_of(written(line + "--c-arm mobile-flat-panel --dose low --pulse-rate 7.5 "
-                                               "--compression 0.6 -o @/mobile.html",
+                                               "--compression 0.4 -o @/mobile.html",
                                         "mobile.html"));
   EXPECT_EQ(usual["trainer"]["dose"], 1);
-  EXPECT_EQ(usual["trainer"]["compression"], 0);
+  EXPECT_EQ(usual["trainer"]["compression"], 0.6);  // the C-arm's own
   EXPECT_EQ(usual["trainer"]["pulses_per_s"], 15);
   EXPECT_TRUE(usual["cone"].is_null());
   EXPECT_EQ(mobile["trainer"]["dose"], 0);
-  EXPECT_EQ(mobile["trainer"]["compression"], 0.6);
+  EXPECT_EQ(mobile["trainer"]["compression"], 0.4);
   EXPECT_EQ(mobile["trainer"]["pulses_per_s"], 7.5);
   EXPECT_GT(mobile["cone"]["source_detector_mm"], mobile["cone"]["source_axis_mm"]);  // the C-arm's
   EXPECT_GT(mobile["pose"]["zoom"], usual["pose"]["zoom"]);
