@@ -205,7 +205,7 @@ ScaleEdit scale_of(const std::string& words) {
   const std::vector<std::string> parts = split_words(words);
   if (parts.size() != 2)
     throw InputError("{}: must be BRANCH,FACTOR, radii,FACTOR or size,FACTOR, such as radii,0.9", field);
-  const ScaleEdit edit{.what = parts[0], .factor = number_in(parts[1], field)};
+  ScaleEdit edit{.what = parts[0], .factor = number_in(parts[1], field)};
   check_edit(edit, field);
   return edit;
 }
