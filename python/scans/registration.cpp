@@ -13,7 +13,9 @@
 #include <fmt/format.h>
 #include <glm/trigonometric.hpp>
 
+#include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
 namespace xraycast::python {

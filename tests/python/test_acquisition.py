@@ -181,7 +181,7 @@ def test_pictures_that_cannot_be_are_refused(map_, arguments, words):
 
 def test_matrices_place_no_c_arm(body, tree):
     frame = body.project(**POSE)
-    for more, words in ((dict(fluoroscope=xc.Fluoroscope()), "fluoroscope: K and RT"), (dict(vessels=tree), "vessels and instruments: K")):
+    for more, words in ((dict(fluoroscope=xc.Fluoroscope()), "fluoroscope: K and RT"), (dict(vessels=tree), "vessels, instruments and objects: K")):
         with pytest.raises(xc.InputError, match=words):
             body.project(K=frame.K, RT=frame.RT, size=(96, 80), **more)
     with pytest.raises(xc.InputError, match="have no gradient"):

@@ -223,9 +223,8 @@ glm::dvec2 OutlineFinder::lean_of_trunk() const {
   glm::dvec3 sum(0);
   const auto trunk = std::span(body_cells().all).first(body_cells().trunk);
   const auto place_mm = [&](std::int64_t cell) {
-    return cell_mm * glm::dvec3(static_cast<double>(cell % size_.x),
-                                static_cast<double>(cell / size_.x % size_.y),
-                                static_cast<double>(cell / (size_.x * size_.y)));
+    const std::int64_t row = cell / size_.x;
+    return cell_mm * glm::dvec3(Index3(cell % size_.x, row % size_.y, row / size_.y));
   };
   for (const std::int64_t cell : trunk) sum += place_mm(cell);
   const glm::dvec3 middle = sum / static_cast<double>(trunk.size());

@@ -61,7 +61,7 @@ std::vector<Surface> stent_surfaces(const StentModel& stent, double radius_mm,
   std::vector<Surface> surfaces;
   for (int r = 0; r < stent.rings; ++r) {
     // Every other ring is turned by a strut, so that its crowns meet those of the next.
-    const auto lower = static_cast<std::size_t>(2 * r);
+    const auto lower = 2 * static_cast<std::size_t>(r);
     std::vector<glm::dvec3> ring_mm;
     for (int corner = 0; corner <= corners; ++corner)
       ring_mm.push_back(corner_mm(lower + static_cast<std::size_t>((corner + r) % 2), corner));
