@@ -43,9 +43,7 @@ void project_scan(const ProjectArguments& options, Invocation& invocation) {
     use_spectrum(options.attenuation.opacity, *spectrum, *acquisition.fluoroscope);
   XaOptions xa = parse_xa(options.dicom, options.output);
   check_writable(options.output);
-  std::vector<std::string> notes;
-  const std::vector<Implant> implants = read_implants(parse_objects(options.objects), notes);
-  invocation.say(notes);
+  const std::vector<Implant> implants = open_objects(parse_objects(options.objects), invocation);
   View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
   check_dicom(view, xa, options.output, invocation);
   const MotionOfRequest motion = held_motion(parse_motion(options.motion));

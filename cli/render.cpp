@@ -153,9 +153,7 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
                     const Invocation& program) {
   MapScene scene{.map = map};
   program.say(motion.warnings);
-  std::vector<std::string> on_implants;
-  scene.implants = surfaces_of(read_implants(session.implants, on_implants));
-  program.say(on_implants);
+  scene.implants = surfaces_of(open_objects(session.implants, program));
   if (session.steered) {
     scene.instruments = steered_surfaces(*session.steered);
     if (session.steered->has_road_map && !session.vessels.empty())

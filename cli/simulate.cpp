@@ -108,9 +108,7 @@ class Cine {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     const BodyBounds bounds = bounds_of(map->geometry);
     invocation.say(notes_on_place(tree, bounds, options.tree));
-    std::vector<std::string> notes;
-    const std::vector<Implant> implants = read_implants(parse_objects(options.objects), notes);
-    invocation.say(notes);
+    const std::vector<Implant> implants = open_objects(parse_objects(options.objects), invocation);
     const RunCine::Options cine{.view = view_of(options, bounds),
                                 .picture = picture_with_masks(options, request.body),
                                 .implants = surfaces_of(implants),

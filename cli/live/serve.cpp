@@ -231,9 +231,7 @@ void serve(ServeArguments options, Invocation& invocation) {
   Intervention intervention(steering_of(options, request, exercise, server));
   std::unique_ptr<WebOutlet> web;
   if (page) web = open_web(*web_options, std::move(*page), bounds);
-  std::vector<std::string> notes_on_implants;
-  const std::vector<Implant> implants = read_implants(scene.implants, notes_on_implants);
-  invocation.say(notes_on_implants);
+  const std::vector<Implant> implants = open_objects(scene.implants, invocation);
   give_way();  // after the servers' threads
   LiveScreen screen(map, {.view = detector,
                           .style = scene.style,

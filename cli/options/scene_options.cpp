@@ -46,6 +46,13 @@ std::vector<ImplantRequest> parse_objects(const std::vector<std::string>& object
   return implants;
 }
 
+std::vector<Implant> open_objects(const std::vector<ImplantRequest>& objects, const Invocation& invocation) {
+  std::vector<std::string> notes;
+  std::vector<Implant> implants = read_implants(objects, notes);
+  invocation.say(notes);
+  return implants;
+}
+
 void apply(const SceneOptions& options, ViewSession& session) {
   if (!options.vessels.empty() || !options.catheter.empty()) session.steered.reset();
   replace_file(session.vessels, options.vessels);

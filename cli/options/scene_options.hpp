@@ -1,5 +1,6 @@
 #pragma once
 
+#include "options/command.hpp"
 #include "xraycast/scene/session_file.hpp"
 
 #include <CLI/CLI.hpp>
@@ -22,6 +23,9 @@ void add_scene_options(CLI::App& command, SceneOptions& options);
 /// --object alone.
 void add_object_option(CLI::App& command, std::vector<std::string>& objects);
 std::vector<ImplantRequest> parse_objects(const std::vector<std::string>& objects);
+
+/// Reads them, and says what is to be said of them. Throws as read_implants.
+std::vector<Implant> open_objects(const std::vector<ImplantRequest>& objects, const Invocation& invocation);
 
 /// Overrides the session's values with the given options. Throws InputError for a file that does not exist.
 void apply(const SceneOptions& options, ViewSession& session);
