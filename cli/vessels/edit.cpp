@@ -1,6 +1,7 @@
 #include "xraycast/lesions/edit.hpp"
 
 #include "options/command.hpp"
+#include "vessels/scan_beside.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
@@ -45,19 +46,6 @@ EditRequest edit_request_of(const EditArguments& options) {
   return request;
 }
 
-/// The scan of --scan, if it is given.
-struct GivenScan {
-  std::optional<Volume> volume;
-  ScanInfo info;
-};
-
-GivenScan read_scan_of(const EditArguments& options, Invocation& invocation) {
-  if (options.scan.empty()) return {};
-  const Scan scan = open_scan(options.scan, {}, invocation.progress);
-  invocation.say_about(scan.info);
-  return {collect(*scan.source, invocation.progress, options.scan), scan.info};
-}
-
 /// All files or none: a tree beside other vessels' lesions would be misleading.
 void write_all_edited(EditedVessels& edited, const ScanInfo& scan, const EditArguments& options,
                       Invocation& invocation) {
@@ -95,7 +83,7 @@ void edit(const EditArguments& options, Invocation& invocation) {
   files.insert(files.end(), {"report.png", kEditsFile, kEditedScanFile});
   check_folder(options.folder, files, "-o " + options.folder);
   check_names(options.folder);
-  GivenScan scan = read_scan_of(options, invocation);
+  ScanBeside scan = read_scan_beside(options.scan, {}, invocation);
   EditedVessels edited = edit_vessels(request, std::move(scan.volume), invocation.progress);
   write_all_edited(edited, scan.info, options, invocation);
   report_edits(edited, options, stopwatch.ms(), invocation);

@@ -1,4 +1,5 @@
 #include "options/command.hpp"
+#include "vessels/scan_beside.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
@@ -42,23 +43,8 @@ GivenVesselsRequest parsed(const VesselsArguments& options) {
   return request;
 }
 
-/// The scan of --like, if it is given.
-struct LikeScan {
-  std::optional<Volume> volume;
-  ScanInfo info;
-
-  const Volume* voxels() const { return volume ? &*volume : nullptr; }
-};
-
-LikeScan read_like(const VesselsArguments& options, Invocation& invocation) {
-  if (options.like.empty()) return {};
-  const Scan scan = open_scan(options.like, options.scan, invocation.progress);
-  invocation.say_about(scan.info);
-  return {collect(*scan.source, invocation.progress, options.like), scan.info};
-}
-
 /// All files or none: a tree beside other vessels' report would be misleading.
-void write_all(Vessels& vessels, const LikeScan& like, const VesselsArguments& options,
+void write_all(Vessels& vessels, const ScanBeside& like, const VesselsArguments& options,
                const Invocation& invocation) {
   make_folder(options.folder, "-o " + options.folder);
   OutputSet outputs;
@@ -93,7 +79,7 @@ void vessels(const VesselsArguments& options, Invocation& invocation) {
   files.push_back("report.png");
   check_folder(options.folder, files, "-o " + options.folder);
   check_names(options.folder);
-  const LikeScan like = read_like(options, invocation);
+  const ScanBeside like = read_scan_beside(options.like, options.scan, invocation);
   Vessels found = given_vessels(request, like.voxels(), invocation.progress);
   write_all(found, like, options, invocation);
   report_vessels(found, options, stopwatch.ms(), invocation);
