@@ -42,21 +42,26 @@ ScanAcquisition::ScanAcquisition(Scene scene, const AcquisitionOptions& options,
   if (spectrum && !scene_.implants.empty() && options.fluoroscope)
     throw InputError("`opacity` {}: a fluoroscope's picture of objects takes no spectrum; give an opacity",
                      spectrum->name());
+  if (spectrum) {
+    constexpr double kCm_per_mm = 0.1;
+    std::vector<SolidMaterial> solids;
+    for (const Implant& implant : scene_.implants) {
+      solids.push_back(implant.material);
+      implants_.emplace_back().set(std::vector{Surface{implant.mesh, kCm_per_mm * implant.material.g_cm3}});
+    }
+    spectrum_.emplace(*spectrum, kMaterials, solids);
+    return;
+  }
   std::vector<Surface> surfaces = scene_.surfaces;
-  if (!spectrum)
-    for (const Implant& implant : scene_.implants) surfaces.push_back(surface_of(implant));
+  for (const Implant& implant : scene_.implants) surfaces.push_back(surface_of(implant));
   surfaces_.set(surfaces);
 }
 
 /// Of each.
 std::vector<std::vector<float>> ScanAcquisition::implants_g_cm2(const View& view) const {
-  constexpr double kCm_per_mm = 0.1;
   std::vector<std::vector<float>> all;
-  for (const Implant& implant : scene_.implants) {
-    AbsorbingSurfaces alone;
-    alone.set(std::vector{Surface{implant.mesh, kCm_per_mm * implant.material.g_cm3}});
-    alone.add_to(all.emplace_back(masses_.g_cm2[0].size()), view);
-  }
+  for (const AbsorbingSurfaces& implant : implants_)
+    implant.add_to(all.emplace_back(masses_.g_cm2[0].size()), view);
   return all;
 }
 
@@ -68,12 +73,9 @@ AcquiredFrame ScanAcquisition::frame(const View& view, Progress& progress) {
 
 /// A fluoroscope's beam is not the spectrum of the optical depths.
 RayDepths ScanAcquisition::rays(const View& view, Progress& progress) {
-  if (const auto* spectrum = std::get_if<Spectrum>(&scene_.attenuation)) {
+  if (spectrum_) {
     masses_ = project_masses(scene_.scan, view, progress);
-    std::vector<SolidMaterial> solids;
-    for (const Implant& implant : scene_.implants) solids.push_back(implant.material);
-    drr_ = {view, SpectrumModel(*spectrum, kMaterials, solids).tau(masses_.g_cm2, implants_g_cm2(view)),
-            masses_.kernel_ms};
+    drr_ = {view, spectrum_->tau(masses_.g_cm2, implants_g_cm2(view)), masses_.kernel_ms};
     if (acquisition_.fluoroscope()) return &masses_.g_cm2;
   } else {
     drr_ = project(scene_.scan.native, view, std::get<Opacity>(scene_.attenuation), progress, {},

@@ -50,7 +50,9 @@ class ScanAcquisition {
 
   Scene scene_;
   Acquisition acquisition_;
-  AbsorbingSurfaces surfaces_;
+  AbsorbingSurfaces surfaces_;  ///< implants included, but for a spectrum
+  std::optional<SpectrumModel> spectrum_;
+  std::vector<AbsorbingSurfaces> implants_;  ///< with a spectrum, each; they attenuate by their g/cm2
   ProjectionImage drr_;
   ProjectedMasses masses_;
 };

@@ -52,7 +52,7 @@ class Renderer {
   void move_surface(std::size_t index, std::span<const glm::vec3> points_mm);
 
   /// Objects that do not move: they displace nothing, so that what they attenuate adds to the rest, and is
-  /// found anew only for another view. Throws as set_surfaces.
+  /// found anew only for another view. Takes away the surfaces that were set before. Throws as set_surfaces.
   void set_implants(std::vector<Surface> implants);
 
   /// The picture on the bound framebuffer, whose viewport begins at (x, y) and is as large as the view, which
