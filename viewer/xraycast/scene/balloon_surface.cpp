@@ -1,5 +1,6 @@
 #include "xraycast/scene/balloon_surface.hpp"
 
+#include "xraycast/attenuation/solid_material.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
@@ -54,14 +55,15 @@ class DrawnEnd {
 };
 
 Surface marker_surface(const DrawnEnd& end, double from_tip_mm, double radius_mm) {
-  constexpr double kLength_mm = 1, kRing_mm = 0.05, kPlatinum_mg_ml = 21450;
+  constexpr double kLength_mm = 1, kRing_mm = 0.05;
+  static const double platinum_per_mm = fluoroscopy_per_mm(solid_named("platinum"));
   std::vector<glm::dvec3> points_mm;
   for (std::size_t i = 0; i < kFewestNodes; ++i)
     points_mm.push_back(
         end.at_mm(from_tip_mm + kLength_mm * (0.5 - static_cast<double>(i) / (kFewestNodes - 1))));
   Surface marker = catheter_surface(points_mm, radius_mm);
   const double hollow = std::pow(std::max(0.0, 1 - kRing_mm / radius_mm), 2);
-  marker.mu_per_mm = fluoroscopy_per_mm("Pt", kPlatinum_mg_ml * (1 - hollow));
+  marker.mu_per_mm = platinum_per_mm * (1 - hollow);
   marker.colour = {0.95, 0.8, 0.35};
   return marker;
 }
@@ -70,6 +72,7 @@ Surface marker_surface(const DrawnEnd& end, double from_tip_mm, double radius_mm
 Surface filled_surface(const DrawnEnd& end, const BalloonModel& balloon, double folded_mm, double radius_mm) {
   constexpr double kNothing_mm = 0.05, kConeSlope = 0.6, kFilled_mg_ml = 150, kStep_mm = 1;
   if (radius_mm - folded_mm < kNothing_mm) return {};
+  static const double filled_per_mm = fluoroscopy_per_mm("I", kFilled_mg_ml);
   const double cone_mm = (radius_mm - folded_mm) / kConeSlope;
   const auto steps = static_cast<int>(std::ceil(balloon.length_mm / kStep_mm));
   VesselBranch branch;
@@ -80,9 +83,7 @@ Surface filled_surface(const DrawnEnd& end, const BalloonModel& balloon, double 
   for (int i = 0; i <= steps; ++i) add(balloon.from_tip_mm + balloon.length_mm * i / steps, radius_mm);
   add(balloon.from_tip_mm + balloon.length_mm + cone_mm, folded_mm);
   constexpr glm::dvec3 kColour{0.85, 0.85, 0.9};
-  return {.mesh = tube_mesh(VesselTree({branch}, "balloon")),
-          .mu_per_mm = fluoroscopy_per_mm("I", kFilled_mg_ml),
-          .colour = kColour};
+  return {.mesh = tube_mesh(VesselTree({branch}, "balloon")), .mu_per_mm = filled_per_mm, .colour = kColour};
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 
+#include "xraycast/attenuation/solid_material.hpp"
 #include "xraycast/attenuation/spectrum.hpp"
 
 #include <array>
@@ -19,6 +20,14 @@ double fluoroscopy_per_mm(const std::string& element, double mg_ml) {
   const double of_element = tau(kTrunk_g_cm2, kLittle_g_cm2) - before;
   constexpr double kWater_mg_ml = 1000;
   return kWater_per_mm * of_element / of_water * mg_ml / kWater_mg_ml;
+}
+
+double fluoroscopy_per_mm(const SolidMaterial& solid) {
+  constexpr double kMgPerG = 1000;
+  double per_mm = 0;
+  for (const SolidMaterial::Part& part : solid.parts)
+    per_mm += fluoroscopy_per_mm(part.element, kMgPerG * solid.g_cm3 * part.mass_fraction);
+  return per_mm;
 }
 
 }  // namespace xraycast

@@ -96,12 +96,7 @@ std::vector<Implant> read_implants(const std::vector<ImplantRequest>& requests,
 }
 
 Surface surface_of(const Implant& implant) {
-  constexpr double kMgPerG = 1000;
-  Surface surface{implant.mesh, 0, kMetal};
-  for (const SolidMaterial::Part& part : implant.material.parts)
-    surface.mu_per_mm +=
-        fluoroscopy_per_mm(part.element, kMgPerG * implant.material.g_cm3 * part.mass_fraction);
-  return surface;
+  return {implant.mesh, fluoroscopy_per_mm(implant.material), kMetal};
 }
 
 std::vector<Surface> surfaces_of(const std::vector<Implant>& implants) {

@@ -1,5 +1,6 @@
 #include "xraycast/scene/stent_surface.hpp"
 
+#include "xraycast/attenuation/solid_material.hpp"
 #include "xraycast/geometry/tube.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
@@ -12,12 +13,10 @@
 namespace xraycast {
 namespace {
 
-/// L-605, by mass: Co 0.53, Cr 0.20, W 0.15, Ni 0.10; 9.1 g/ml (ASTM F90).
 double cobalt_chromium_per_mm() {
-  constexpr double kAlloy_mg_ml = 9100;
-  static const double per_mm =
-      fluoroscopy_per_mm("Co", 0.53 * kAlloy_mg_ml) + fluoroscopy_per_mm("Cr", 0.20 * kAlloy_mg_ml) +
-      fluoroscopy_per_mm("W", 0.15 * kAlloy_mg_ml) + fluoroscopy_per_mm("Ni", 0.10 * kAlloy_mg_ml);
+  static const SolidMaterial l605{
+      "L-605", 9.1, {{"Co", 0.53}, {"Cr", 0.20}, {"W", 0.15}, {"Ni", 0.10}}};  // ASTM F90
+  static const double per_mm = fluoroscopy_per_mm(l605);
   return per_mm;
 }
 
