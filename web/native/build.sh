@@ -56,8 +56,9 @@ for room in $rooms; do
   cmp -s "$folder/sources" "$folder/$(echo "$room" | tr / _).cpp" || cp "$folder/sources" "$folder/$(echo "$room" | tr / _).cpp"
 done
 for room in $rooms; do echo "$folder/$(echo "$room" | tr / _)"; done | xargs -P "$(nproc)" -I{} sh -c '
+  case $2 in *host_*|*_blood_flow|*_simulation|*_trainer) small=-Os ;; esac  # beside rods and pulses they take no time
   [ -f "$2.o" ] && [ -z "$(find host simulation viewer web/native "$2.cpp" -newer "$2.o" \( -name "*.[ch]pp" -o -name build.sh \) | head -1)" ] ||
-    emcc $3 -Ihost -Isimulation -Iviewer -I"$1/include" -isystem /usr/include/eigen3 -c "$2.cpp" -o "$2.o"' sh "$folder" {} "$flags"
+    emcc $3 $small -Ihost -Isimulation -Iviewer -I"$1/include" -isystem /usr/include/eigen3 -c "$2.cpp" -o "$2.o"' sh "$folder" {} "$flags"
 objects=$(for room in $rooms; do echo "$folder/$(echo "$room" | tr / _).o"; done)
 # shellcheck disable=SC2086
 emcc $flags $objects -o "$folder/simulation.wasm" --no-entry -sSTANDALONE_WASM=1 -sALLOW_MEMORY_GROWTH=1 -sFILESYSTEM=0 -sMALLOC=emmalloc
