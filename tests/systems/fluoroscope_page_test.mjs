@@ -32,9 +32,9 @@ before(() => {
 after(remove_folder);
 
 /** A pulse of a square picture, or of another size. */
-const pulse = (rays, { side = [kSide, kSide], pixel_mm = kPixel_mm, count = 1, pause_s = null, dose = 1, blades_mm = null, subtracts = false, compression = 0 } = {}) => ({
-  rays, settings: { dose, blades_mm, subtracts, compression },
-  pulse: { view: { lao_rad: 0, cranial_rad: 0, cone: { source_axis_mm: 785, source_detector_mm: 1200 }, centre_mm: [0, 0, 0], width: side[0], height: side[1], pixel_mm }, count, pause_s },
+const pulse = (rays, { side = [kSide, kSide], pixel_mm = kPixel_mm, count = 1, pause_s = null, dose = 1, blades_mm = null, subtracts = false, shows_maximum = false, shows_road_map = false, mask_matching = null, phases = [], compression = 0 } = {}) => ({
+  rays, settings: { dose, blades_mm, subtracts, shows_maximum, shows_road_map, mask_matching, compression },
+  pulse: { view: { lao_rad: 0, cranial_rad: 0, cone: { source_axis_mm: 785, source_detector_mm: 1200 }, centre_mm: [0, 0, 0], width: side[0], height: side[1], pixel_mm }, count, pause_s, motion: { phases, speed: 1 } },
 });
 const flat = (tau, [width, height] = [kSide, kSide]) => new Float32Array(width * height).fill(tau);
 
@@ -52,8 +52,9 @@ async function page_pictures(pulses) {
 
 /** The same of the program. */
 function program_pictures(pulses) {
-  const bytes = pulses.flatMap(({ rays, settings, pulse: { view: v, count, pause_s } }) => {
-    const numbers = Float64Array.of(v.lao_rad, v.cranial_rad, ...v.centre_mm, v.width, v.height, v.pixel_mm, v.cone.source_axis_mm, v.cone.source_detector_mm, count, pause_s ?? -1, settings.dose, ...(settings.blades_mm ?? [0, 0]).map((mm) => mm * kMagnification), Number(settings.subtracts), settings.compression);
+  const bytes = pulses.flatMap(({ rays, settings, pulse: { view: v, count, pause_s, motion } }) => {
+    const numbers = Float64Array.of(v.lao_rad, v.cranial_rad, ...v.centre_mm, v.width, v.height, v.pixel_mm, v.cone.source_axis_mm, v.cone.source_detector_mm, count, pause_s ?? -1, settings.dose, ...(settings.blades_mm ?? [0, 0]).map((mm) => mm * kMagnification), Number(settings.subtracts), settings.compression,
+      Number(settings.shows_maximum), Number(settings.shows_road_map), settings.mask_matching?.cycle_s ?? 0, motion.phases[0] ?? 0);
     return [new Uint8Array(numbers.buffer), new Uint8Array(rays.buffer)];
   });
   writeFileSync(file("pulses"), Buffer.concat(bytes));
@@ -191,6 +192,40 @@ test("blades and subtraction are the program's", async () => {
   const last = angio.page.at(-1).greys, row = (i) => mean(Array.from({ length: 100 }, (_, j) => last[kSide * (j + 80) + i]));
   assert.ok(row(125) < row(60) - 50, `${row(125)} and ${row(60)}`); // contrast agent is dark
   assert.ok(differences(last, angio.program.at(-1).greys).share < 0.02);
+});
+
+/** Rays of an upright vessel about a column, filled by so much. */
+const with_vessel = (column, tau) => Float32Array.from(flat(kTauOf20cm), (body, i) => body + (Math.abs((i % kSide) - column) < 5 ? tau : 0));
+const column_of = (greys, column) => mean(Array.from({ length: 100 }, (_, j) => greys[kSide * (j + 80) + column]));
+
+test("maximum opacification and an angiogram's road map are the program's", async () => {
+  const seen = { dose: 2, subtracts: true }, mask = Array.from({ length: 4 }, () => pulse(flat(kTauOf20cm), seen));
+  const filled = [80, 125, 170].map((column) => pulse(with_vessel(column, 0.4), { ...seen, shows_maximum: true }));
+  const live = { dose: 2, shows_road_map: true }, mapped = Array.from({ length: 3 }, () => pulse(flat(kTauOf20cm), live));
+  const turned = pulse(flat(kTauOf20cm), { ...live, pixel_mm: 1.1 * kPixel_mm });
+  const { page, program } = await both([...mask, ...filled, ...mapped, turned]);
+  page.forEach(({ greys }, k) => assert.ok(differences(greys, program[k].greys).share < 0.02, `pulse ${k}`));
+  const opacified = page[6].greys, behind = page[9];
+  for (const column of [80, 125, 170]) {
+    assert.ok(column_of(opacified, column) < column_of(opacified, 30) - 50); // all that was filled
+    assert.ok(column_of(behind.greys, column) > column_of(behind.greys, 30) + 20); // bright behind the live picture
+  }
+  assert.ok(behind.told.has_angiogram && !behind.told.has_lost_road_map);
+  assert.ok(page[10].told.has_lost_road_map && !page[10].told.has_angiogram); // another view has none
+});
+
+test("masks of a body that moves are those of its phases", async () => {
+  const phases = Array.from({ length: 16 }, (_, k) => k / 15), edge = (phase) => 100 + Math.round(40 * Math.sin(2 * Math.PI * phase));
+  const body = (phase) => Float32Array.from(flat(kTauOf20cm), (tau, i) => tau + (i % kSide > edge(phase) ? 1 : 0));
+  const of = (mask_matching) => phases.concat(phases).map((phase) => pulse(body(phase), { dose: 2, subtracts: true, mask_matching, phases: [phase] }));
+  const left_over = async (mask_matching) => {
+    const { page, program } = await both(of(mask_matching)), last = page[20];
+    assert.ok(differences(last.greys, program[20].greys).share < 0.02);
+    assert.ok(!last.told.is_masking);
+    return mean(Array.from(last.greys, (grey) => Math.abs(grey - 204) > 60)); // of white by 0.8, where nothing moved
+  };
+  const plain = await left_over(null), matched = await left_over({ mode: 0, wraps: true, cycle_s: 1 });
+  assert.ok(plain > 0.05 && matched < 0.2 * plain, `${plain} and ${matched} of the picture`);
 });
 
 test("a compressed display is the program's", async () => {

@@ -230,12 +230,14 @@ test("an instrument of several pixels' width is drawn as it is", () => {
 
 /** As viewer/xraycast/serving/browser_message.cpp writes it. */
 function live_bytes(has_body = true) {
-  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 1 + 1 + 6) + 4 * 3 + 4 * (has_body ? 1 + 2 + 2 * 6 + 2 + 3 : 1)));
-  [2, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
+  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 2 + 1 + 1 + 6) + 4 * 3 + 4 * (has_body ? 1 + 2 + 2 * 6 + 2 + 3 : 1)));
+  [3, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
   let at = 4;
   const whole = (x) => view.setUint32((at += 4) - 4, x, true), real = (x) => view.setFloat32((at += 4) - 4, x, true);
   whole(9);
   [1.5, 2, 3, 100, 45, 0.25, -2].forEach(real);
+  whole(21);
+  real(12.5);
   [1, 2].forEach(whole);
   [1, 2, 3, 4, 5, 6].forEach(real);
   [1, 7].forEach(whole);
@@ -257,7 +259,7 @@ function live_bytes(has_body = true) {
 test("a live message is read as it is written", () => {
   assert.deepEqual(message_of(live_bytes()), {
     exposes: true, injects: false, is_valve_locked: true, has_outlet: false, held_hub: 0, exposures: 9, time_s: 1.5, fluoroscopy_s: 2, injected_ml: 3,
-    instruments: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
+    instruments: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, tip_branch: 21, tip_along_mm: 12.5, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
     filled: [{ drum: 7, mg_ml: 350, moved_mm: [1, 2, 3] }],
     body: {
       time_s: 20, speed: 2, exposures_s: [19.5],
@@ -268,7 +270,7 @@ test("a live message is read as it is written", () => {
   assert.deepEqual([still.body, still.filled], [null, [{ drum: 7, mg_ml: 350 }]]);
   for (let size = 0; size < live_bytes().byteLength; ++size) assert.throws(() => message_of(live_bytes().slice(0, size)), `${size}`);
   const huge = live_bytes();
-  new DataView(huge).setUint32(36, 0xffffffff, true); // parts
+  new DataView(huge).setUint32(44, 0xffffffff, true); // parts
   assert.throws(() => message_of(huge), /too short/);
   const other = live_bytes();
   new DataView(other).setUint8(0, 1);

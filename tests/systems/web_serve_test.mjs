@@ -153,6 +153,7 @@ browser_test("keys steer a wire in a catheter, and the picture follows while the
   await page.waitForFunction(() => Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1]) >= 150, { timeout: 20000 });
   await page.keyboard.up("ArrowUp");
   await rested_mm(page);
+  await reads(page, "#live-readout", /tip in (?!a vessel)[a-z ]*(artery|aorta|branch \d+) /);
   const moved = await drawn(page);
   t.diagnostic(`the catheter at ${await insertion_mm(page)} mm changes ${changed(still, moved)} pixels`);
   assert.ok(changed(still, moved) > 100);

@@ -348,6 +348,25 @@ browser_test("blades shut the beam, and a mask is subtracted", async () => {
   const { grey } = middle_of(before, after);
   assert.ok(grey > 180 && grey < 230, `${grey}`); // 0.8 of white
   await page.keyboard.up("i");
+  await page.click("#max-opacification");
+  await wait_for_pulses(page, 3);
+  assert.equal(await page.$eval("#max-opacification", (button) => button.getAttribute("aria-pressed")), "true");
+  await page.keyboard.press("a"); // what was opacified, behind the live picture
+  await reads(page, "#dose-readout", /road map of the angiogram$/);
+  await wait_for_pulses(page, 12); // the display's recursive filter
+  const mapped = await drawn(page);
+  await screenshot(page, "fluoroscope-angiogram-map.png");
+  await page.keyboard.press("a");
+  await wait_for_pulses(page, 12);
+  const plain = await drawn(page);
+  let brighter = 0;
+  for (let i = 0; i < plain.data.length; i += 4) brighter += Number(mapped.data[i] - plain.data[i] > 30);
+  assert.ok(brighter > 100, `${brighter} pixels are brighter`);
+  await page.keyboard.press("a");
+  await reads(page, "#dose-readout", /road map of the angiogram$/);
+  await page.keyboard.press("+"); // another view has none
+  await wait_for_pulses(page, 3);
+  assert.doesNotMatch(await readout(), /road map/);
   await page.keyboard.up("x");
   await close(opened);
 });

@@ -132,11 +132,14 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
                          .held_hub = 1,
                          .exposures = 7,
                          .drums_mg_ml = {0, 350, 0, 12.5f}};
-  message.instruments.push_back(
-      {.pose = {100, std::numbers::pi}, .load = {0.5, 2e-3}, .parts_mm = {{{1, 2, 3}, {4, 5, 6}}}});
+  message.instruments.push_back({.pose = {100, std::numbers::pi},
+                                 .load = {0.5, 2e-3},
+                                 .tip_branch = 21,
+                                 .tip_along_mm = 12.5,
+                                 .parts_mm = {{{1, 2, 3}, {4, 5, 6}}}});
   message.instruments.push_back({.pose = {}, .load = {}, .parts_mm = {{}, {{7, 8, 9}}}});
   const std::string bytes = packed(message);
-  EXPECT_EQ(bytes.substr(0, 4), std::string("\2\15\1\2", 4));
+  EXPECT_EQ(bytes.substr(0, 4), std::string("\3\15\1\2", 4));
   EXPECT_EQ(value_at<std::uint32_t>(bytes, 4), 7u);
   std::vector<float> rest;
   for (std::size_t at = 8; at < bytes.size(); at += 4) rest.push_back(value_at<float>(bytes, at));
@@ -145,11 +148,12 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
     std::memcpy(&as_real, &number, sizeof number);
     return as_real;
   };
-  const std::vector<float> wanted{1.5f,     2.5f,     3.5f, 100,      180,      0.5f,     2,        whole(1),
-                                  whole(2), 1,        2,    3,        4,        5,        6,  //
-                                  0,        0,        0,    0,        whole(2), whole(0), whole(1), 7,
-                                  8,        9,  //
-                                  whole(2), whole(1), 350,  whole(3), 12.5f,    whole(0)};
+  const std::vector<float> wanted{1.5f,     2.5f,      3.5f,     100,      180,      0.5f,
+                                  2,        whole(21), 12.5f,    whole(1), whole(2), 1,
+                                  2,        3,         4,        5,        6,  //
+                                  0,        0,         0,        0,        whole(0), 0,
+                                  whole(2), whole(0),  whole(1), 7,        8,        9,  //
+                                  whole(2), whole(1),  350,      whole(3), 12.5f,    whole(0)};
   EXPECT_EQ(rest, wanted);
 
   message.instruments.clear();

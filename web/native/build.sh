@@ -43,7 +43,7 @@ sources="
   viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/fluoroscope_setup viewer/xraycast/trainer/page_motion
   viewer/xraycast/trainer/trainer viewer/xraycast/trainer/trainer_body
   viewer/xraycast/trainer/trainer_setup
-  web/native/fluoroscope web/native/parallel web/native/trainer web/native/tube_beam"
+  web/native/calls web/native/fluoroscope web/native/parallel web/native/trainer web/native/tube_beam"
 mkdir -p "$folder/include"
 # Debian's header-only libraries, without its C library beside them.
 for library in fmt glm nlohmann; do ln -sfn "/usr/include/$library" "$folder/include/$library"; done
@@ -51,15 +51,18 @@ flags="-std=c++20 -O2 -msimd128 -flto -DNDEBUG -DFMT_HEADER_ONLY -ffp-contract=o
 cd "$root"
 # A folder's sources are compiled together: most of the time is spent on headers.
 rooms=$(for source in $sources; do dirname "$source"; done | sort -u)
+units=
 for room in $rooms; do
+  unit=$folder/$(echo "$room" | tr / _)
+  units="$units $unit"
   for source in $sources; do [ "$(dirname "$source")" != "$room" ] || echo "#include \"$root/$source.cpp\""; done >"$folder/sources"
-  cmp -s "$folder/sources" "$folder/$(echo "$room" | tr / _).cpp" || cp "$folder/sources" "$folder/$(echo "$room" | tr / _).cpp"
+  cmp -s "$folder/sources" "$unit.cpp" || cp "$folder/sources" "$unit.cpp"
 done
-for room in $rooms; do echo "$folder/$(echo "$room" | tr / _)"; done | xargs -P "$(nproc)" -I{} sh -c '
+printf '%s\n' $units | xargs -P "$(nproc)" -I{} sh -c '
   case $2 in *host_*|*_blood_flow|*_simulation|*_trainer) small=-Os ;; esac  # beside rods and pulses they take no time
   [ -f "$2.o" ] && [ -z "$(find host simulation viewer web/native "$2.cpp" -newer "$2.o" \( -name "*.[ch]pp" -o -name build.sh \) | head -1)" ] ||
     emcc $3 $small -Ihost -Isimulation -Iviewer -I"$1/include" -isystem /usr/include/eigen3 -c "$2.cpp" -o "$2.o"' sh "$folder" {} "$flags"
-objects=$(for room in $rooms; do echo "$folder/$(echo "$room" | tr / _).o"; done)
+objects=$(printf '%s.o ' $units)
 # shellcheck disable=SC2086
 emcc $flags $objects -o "$folder/simulation.wasm" --no-entry -sSTANDALONE_WASM=1 -sALLOW_MEMORY_GROWTH=1 -sFILESYSTEM=0 -sMALLOC=emmalloc
 node -e '

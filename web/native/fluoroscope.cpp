@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <emscripten/emscripten.h>
 #include <optional>
+#include <span>
 #include <vector>
 
 namespace {
@@ -18,17 +19,6 @@ std::vector<float> rays;
 std::optional<xraycast::FluoroscopyConsole> console;
 std::optional<xraycast::WaterPath> path;
 xraycast::DoseRecord skipped;  // of pulses that were given and not drawn
-
-xraycast::View view_of_numbers() {
-  xraycast::View view{.lao_rad = numbers[0],
-                      .cranial_rad = numbers[1],
-                      .centre_mm = {numbers[2], numbers[3], numbers[4]},
-                      .width = static_cast<int>(numbers[5]),
-                      .height = static_cast<int>(numbers[6]),
-                      .pixel_mm = numbers[7]};
-  if (numbers[8] > 0) view.cone = xraycast::Cone{numbers[8], numbers[9]};
-  return view;
-}
 
 /// Pulses that a slow device does not draw are given all the same, with the technique of the one that it
 /// draws.
@@ -50,18 +40,13 @@ void tell() {
              static_cast<double>(dose.images + skipped.images),
              console->is_saturated() ? 1.0 : 0.0,
              console->is_masking() ? 1.0 : 0.0,
-             console->has_angiogram() ? 1.0 : 0.0};
+             console->has_angiogram() ? 1.0 : 0.0,
+             console->shows_road_map() ? 1.0 : 0.0};
 }
 
 }  // namespace
 
 extern "C" {
-
-/// Room for so many numbers, which the next call takes.
-EMSCRIPTEN_KEEPALIVE double* fluoroscope_room(std::size_t count) {
-  numbers.resize(count);
-  return numbers.data();
-}
 
 /// Takes the setup (viewer/xraycast/trainer/fluoroscope_setup.hpp).
 EMSCRIPTEN_KEEPALIVE const char* fluoroscope_open() {
@@ -109,19 +94,32 @@ EMSCRIPTEN_KEEPALIVE const char* fluoroscope_compression(double share) {
 
 EMSCRIPTEN_KEEPALIVE void fluoroscope_subtract(bool subtracts) { console->subtract(subtracts); }
 EMSCRIPTEN_KEEPALIVE void fluoroscope_new_mask() { console->take_new_mask(); }
+EMSCRIPTEN_KEEPALIVE void fluoroscope_road_map(bool shows) { console->show_road_map(shows); }
+EMSCRIPTEN_KEEPALIVE void fluoroscope_maximum_opacification(bool shows) {
+  console->shows_maximum_opacification = shows;
+}
 
-/// A pulse through the rays. The room holds the C-arm's angles in rad, the centre in mm, width, height and
-/// size in mm of pixels, distances of the cone or 0, the pulses since the last one that was drawn, and the
-/// pause before it in s, below 0 where there was none. Then it holds voltage in kV, mAs, the rate of air
-/// kerma in mGy/min; air kerma in mGy, dose-area product in Gy cm2 and recorded images of all pulses; and 1
-/// where the detector is saturated, a mask is taken, and vessels were opacified.
+/// Masks of the phases of a mode of the body, see MaskMatching; a mode below 0: the mean of a few.
+EMSCRIPTEN_KEEPALIVE void fluoroscope_match_masks(int mode, bool wraps, double cycle_s) {
+  std::optional<xraycast::MaskMatching> matching;
+  if (mode >= 0) matching = {.mode = static_cast<std::size_t>(mode), .wraps = wraps, .cycle_s = cycle_s};
+  console->match_masks(matching);
+}
+
+/// A pulse through the rays. The room holds the numbers of its view (pulse_view_of), the pulses since the
+/// last one that was drawn, the pause before it in s, below 0 where there was none, how fast the body moves,
+/// and the phases of its modes. Then it holds voltage in kV, mAs, the rate of air kerma in mGy/min; air kerma
+/// in mGy, dose-area product in Gy cm2 and recorded images of all pulses; and 1 where the detector is
+/// saturated, a mask is taken, vessels were opacified, and their road map is shown.
 EMSCRIPTEN_KEEPALIVE const char* fluoroscope_expose() {
   return failure_of([] {
-    const double pulses = numbers[10], pause_s = numbers[11];
+    const std::span<const double> told = numbers;
+    const double pulses = told[10], pause_s = told[11];
+    console->set_motion_speed(told[12]);
     if (pause_s >= 0) console->is_due(false, pause_s);
     console->is_due(true, 0);
     const xraycast::DoseRecord before = console->dose();
-    console->expose(rays, view_of_numbers(), *path);
+    console->expose(rays, xraycast::pulse_view_of(told.first<10>()), *path, told.subspan(13));
     count_skipped(before, pulses - 1);
     tell();
   });

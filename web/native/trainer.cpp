@@ -24,12 +24,7 @@ std::unique_ptr<xraycast::Trainer> trainer;
 
 extern "C" {
 
-/// Room for so many numbers, which the next call takes: a setup, or poses.
-EMSCRIPTEN_KEEPALIVE double* trainer_room(std::size_t count) {
-  numbers.resize(count);
-  return numbers.data();
-}
-
+/// Takes the setup (viewer/xraycast/trainer/trainer_setup.hpp).
 EMSCRIPTEN_KEEPALIVE const char* trainer_open() {
   return failure_of(
       [] { trainer = std::make_unique<xraycast::Trainer>(xraycast::trainer_setup_of(numbers)); });

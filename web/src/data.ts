@@ -75,6 +75,7 @@ interface LiveHeader {
   contrast: MeshHeader & Matter & Drums;
   has_hub: boolean; // the page moves the hubs
   modes?: string[]; // of the body in motion, in order
+  vessels: string[]; // branches of the tree, in words
 }
 
 /** Instruments that are steered. */

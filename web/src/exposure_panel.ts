@@ -1,5 +1,5 @@
 // The fluoroscope's controls on the page, and what it has given.
-import { ConsoleSettings, Exposed, kDoses, kOpen } from "./fluoroscope";
+import { ConsoleSettings, Exposed, kDoses, kOpen, MaskMatching } from "./fluoroscope";
 import { fixed } from "./fixed";
 import { clamp } from "./vectors";
 
@@ -21,11 +21,12 @@ export interface ExposureActions {
 export class ExposurePanel {
   settings: ConsoleSettings;
   private exposed: Exposed | null = null;
+  private can_match = false;
   private readonly sliders = (["blades-width", "blades-height"] as const).map((id) => element<HTMLInputElement>(id));
   private readonly compression = element<HTMLInputElement>("compression");
 
-  /** With what is set at first. */
-  constructor(private readonly actions: ExposureActions, settings: Pick<ConsoleSettings, "dose" | "compression">) {
+  /** With what is set at first, and how masks of a body that moves can be matched. */
+  constructor(private readonly actions: ExposureActions, settings: Pick<ConsoleSettings, "dose" | "compression">, matching: MaskMatching | null) {
     this.settings = { ...kOpen, ...settings };
     for (const id of ["exposure-buttons", "dose-readout"]) element(id).hidden = false;
     const dose = element<HTMLSelectElement>("dose");
@@ -33,6 +34,10 @@ export class ExposurePanel {
     dose.addEventListener("change", () => this.set({ dose: Number(dose.value) }));
     element("subtract").addEventListener("click", () => this.set({ subtracts: !this.settings.subtracts }));
     element("new-mask").addEventListener("click", () => actions.take_new_mask());
+    element("angiogram-map").addEventListener("click", () => this.toggle_road_map());
+    element("max-opacification").addEventListener("click", () => this.set({ shows_maximum: !this.settings.shows_maximum }));
+    element("phase-masks").addEventListener("click", () => this.set({ mask_matching: this.settings.mask_matching ? null : matching }));
+    this.can_match = matching !== null;
     this.compression.addEventListener("input", () => this.set({ compression: Number(this.compression.value) }));
     for (const slider of this.sliders) slider.addEventListener("input", () => this.set_blades(this.sliders.map(({ value }) => Number(value))));
     this.show_settings();
@@ -41,7 +46,7 @@ export class ExposurePanel {
   /** Whether it was a key of these controls. */
   takes(key: string): boolean {
     const keys: Record<string, () => void> = {
-      d: () => this.set({ dose: (this.settings.dose + 1) % kDoses.length }), s: () => this.set({ subtracts: !this.settings.subtracts }), n: () => this.actions.take_new_mask(),
+      d: () => this.set({ dose: (this.settings.dose + 1) % kDoses.length }), s: () => this.set({ subtracts: !this.settings.subtracts }), n: () => this.actions.take_new_mask(), a: () => this.toggle_road_map(),
       "[": () => this.narrow(kStep, 1), "]": () => this.narrow(1 / kStep, 1), "{": () => this.narrow(1, kStep), "}": () => this.narrow(1, 1 / kStep),
     };
     keys[key]?.();
@@ -50,22 +55,36 @@ export class ExposurePanel {
 
   show(exposed: Exposed): void {
     this.exposed = exposed;
-    this.show_readout();
+    if (exposed.has_lost_road_map && this.settings.shows_road_map) this.set({ shows_road_map: false });
+    this.show_settings();
   }
 
   /** After the picture shows another field. */
   show_settings(): void {
-    const { dose, subtracts, blades_mm, compression } = this.settings, field_mm = this.actions.field_mm();
+    const { dose, subtracts, blades_mm, compression, shows_maximum, shows_road_map, mask_matching } = this.settings, has_angiogram = this.exposed?.has_angiogram ?? false, field_mm = this.actions.field_mm();
     element<HTMLSelectElement>("dose").value = String(dose);
     this.compression.value = String(compression);
     element("subtract").setAttribute("aria-pressed", String(subtracts));
     element("new-mask").hidden = !subtracts;
+    this.show_toggle("max-opacification", subtracts, shows_maximum);
+    this.show_toggle("phase-masks", subtracts && this.can_match, mask_matching !== null);
+    this.show_toggle("angiogram-map", has_angiogram || shows_road_map, shows_road_map);
     this.sliders.forEach((slider, axis) => {
       const most = Math.max(kLeast_mm + 1, Math.round(field_mm[axis]!));
       Object.assign(slider, { min: String(kLeast_mm), max: String(most), value: String(blades_mm?.[axis] ?? most) });
       slider.setAttribute("aria-valuetext", blades_mm ? `${Math.round(blades_mm[axis]!)} mm` : "open");
     });
     this.show_readout();
+  }
+
+  private show_toggle(id: string, is_there: boolean, is_on: boolean): void {
+    element(id).hidden = !is_there;
+    element(id).setAttribute("aria-pressed", String(is_on));
+  }
+
+  /** It lies behind the picture that is not subtracted. */
+  private toggle_road_map(): void {
+    if (this.exposed?.has_angiogram || this.settings.shows_road_map) this.set({ shows_road_map: !this.settings.shows_road_map, subtracts: false });
   }
 
   private narrow(across: number, along: number): void {
@@ -91,8 +110,8 @@ export class ExposurePanel {
   }
 
   private get words_of_settings(): string[] {
-    const { subtracts, blades_mm } = this.settings, is_masking = this.exposed?.is_masking ?? true;
-    return [...(subtracts ? [is_masking ? "subtraction: hold the pedal for the mask" : "subtraction"] : []), ...words_of_blades(blades_mm)];
+    const { subtracts, shows_road_map, blades_mm } = this.settings, is_masking = this.exposed?.is_masking ?? true;
+    return [...(subtracts ? [is_masking ? "subtraction: hold the pedal for the mask" : "subtraction"] : []), ...(shows_road_map ? ["road map of the angiogram"] : []), ...words_of_blades(blades_mm)];
   }
 }
 

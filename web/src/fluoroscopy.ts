@@ -1,5 +1,5 @@
 // The fluoroscope of a page without a server: pulses of the picture's rays go to its worker, of which the picture comes back.
-import { Exposed, kOpen, Pulse } from "./fluoroscope";
+import { BodyMotion, Exposed, kOpen, Pulse } from "./fluoroscope";
 import type { FluoroscopeStart, FromFluoroscope, PulseOrder } from "./fluoroscope_worker";
 import type { ComingReds } from "./gl";
 import type { View } from "./view";
@@ -31,6 +31,7 @@ export class Fluoroscopy {
   private takes_new_mask = false;
   image: DetectorImage | null = null;
   settings = kOpen;
+  motion_speed = 1; // of the body
 
   constructor(code: WebAssembly.Module, setup: Float64Array, private readonly listener: FluoroscopyListener) {
     this.worker = new Worker(URL.createObjectURL(new Blob([kFluoroscopeWorker], { type: "text/javascript" })));
@@ -60,8 +61,8 @@ export class Fluoroscopy {
   }
 
   /** The rays of a pulse, once the device has drawn them. */
-  begin_pulse(rays: ComingReds, view: View, has_outline: boolean): void {
-    const pulse: Pulse = { view, count: this.due, pause_s: this.pause_s };
+  begin_pulse(rays: ComingReds, view: View, has_outline: boolean, phases: readonly number[]): void {
+    const motion: BodyMotion = { phases, speed: this.motion_speed }, pulse: Pulse = { view, count: this.due, pause_s: this.pause_s, motion };
     this.due = 0;
     this.pause_s = null;
     this.is_drawing = true;

@@ -7,9 +7,11 @@ import { Exchange, ExchangeOrder } from "./exchange";
 import { surfaces_of } from "./instrument_shape";
 import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
+import { ModeHeader, MotionMode } from "./motion_mode";
 import type { Notes } from "./notes";
 import { Exercise, show_told } from "./exercise";
 import { ExposurePanel } from "./exposure_panel";
+import type { MaskMatching } from "./fluoroscope";
 import { Fluoroscopy } from "./fluoroscopy";
 import { Recording } from "./recording";
 import { Report } from "./report";
@@ -67,6 +69,12 @@ export class LastLoads {
 /** Where the page's server tells of the session. */
 const socket_address = ({ origin, search }: Location) => `${origin.replace(/^http/, "ws")}/live${search}`;
 
+/** By the heart, or else by the first mode. */
+function matching_of(modes: readonly ModeHeader[]): MaskMatching | null {
+  const mode = Math.max(0, modes.findIndex(({ name }) => name === "heart")), header = modes[mode];
+  return header ? { mode, wraps: header.wraps, cycle_s: new MotionMode(header).cycle_s } : null;
+}
+
 export class LiveView {
   private readonly chart: LoadChart;
   private readonly body: BodyControls | null;
@@ -100,7 +108,7 @@ export class LiveView {
     if (this.body) addEventListener("keydown", (event) => this.press(event, this.body!), { capture: true });
     this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send({ [action]: true }));
     this.exchange = trainer && trainer.choices.length > names.length ? new Exchange(trainer, (exchange) => this.send({ exchange })) : null;
-    this.connection = trainer && worker ? this.simulate(trainer, worker, names) : location.protocol.startsWith("http") ? this.connect() : null;
+    this.connection = trainer && worker ? this.simulate(trainer, worker, names, motion) : location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
     store.on_change((state, before) => state.pose !== before.pose && this.steering.steers && this.tell_c_arm());
     setInterval(() => this.steering.steers && this.send(), kAlive_ms);
@@ -113,13 +121,13 @@ export class LiveView {
     });
   }
 
-  private simulate(trainer: Trainer, worker: TrainerWorker, names: string[]): SessionLink {
+  private simulate(trainer: Trainer, worker: TrainerWorker, names: string[], motion: Motion | null): SessionLink {
     const report = new Report((shows_series) => this.send({ shows_series }), () => this.send({ save_report: true }));
     const exercise = trainer.exercises.length === 0 ? null : new Exercise(trainer, (target) => {
       this.picture.target = target;
       this.redraw();
     });
-    const exposure = (this.exposure = this.add_exposure(trainer));
+    const exposure = (this.exposure = this.add_exposure(trainer, motion && matching_of(motion.modes)));
     const link = new TrainerLink(trainer, worker, {
       compiled: (code, setup) => this.begin_fluoroscopy(code, setup, exposure, link),
       moved: (steps) => this.recording.add_steps(steps),
@@ -145,7 +153,7 @@ export class LiveView {
   }
 
   /** The page's own fluoroscope has controls from the start, and makes pictures once its code is there. */
-  private add_exposure({ dose, compression }: Trainer): ExposurePanel {
+  private add_exposure({ dose, compression }: Trainer, matching: MaskMatching | null): ExposurePanel {
     const panel = new ExposurePanel({
       set: (settings) => {
         if (this.picture.fluoroscopy) this.picture.fluoroscopy.settings = settings;
@@ -153,7 +161,7 @@ export class LiveView {
       },
       take_new_mask: () => this.picture.fluoroscopy?.take_new_mask(),
       field_mm: () => this.picture.field_mm(this.store.state),
-    }, { dose, compression });
+    }, { dose, compression }, matching);
     this.store.on_change((state, before) => state.pose !== before.pose && panel.show_settings());
     addEventListener("keydown", (event) => this.press(event, panel), { capture: true });
     return panel;
@@ -229,6 +237,7 @@ export class LiveView {
   /** The picture's body, where the page has the maps of a body that moves. */
   private move_body({ body }: LiveMessage): void {
     if (!body) return;
+    if (this.picture.fluoroscopy) this.picture.fluoroscopy.motion_speed = body.speed;
     const phases = body.modes.map(({ phase }) => phase);
     this.store.update({ phases, is_paused: false });
     document.documentElement.dataset.phases = phases.map((phase) => phase.toFixed(4)).join();
@@ -248,6 +257,7 @@ export class LiveView {
     this.exchange?.show(held_hub);
     element("live-readout").textContent = [
       `${this.live.instruments[held_hub]?.name ?? ""} ${fixed(held?.insertion_mm ?? 0, 0)} mm, ${fixed(held?.rotation_deg ?? 0, 0)}°`,
+      ...(held && held.insertion_mm > 0 ? [`tip in ${this.live.vessels[held.tip_branch] ?? "a vessel"}`] : []),
       `${exposes ? "fluoroscopy" : "held picture"} ${message.fluoroscopy_s.toFixed(0)} s`, `${!injects ? "" : message.has_outlet ? "injecting, " : "no lumen is free, draw the wire back to 0 mm to inject; "}${message.injected_ml.toFixed(0)} ml`,
       ...(this.body?.state ? [this.body.state] : []),
     ].join("  ·  ");

@@ -6,6 +6,8 @@ export interface LiveInstrument {
   rotation_deg: number;
   force_N: number;
   torque_mNm: number;
+  tip_branch: number; // of the vessel tree
+  tip_along_mm: number;
   /** At the last exposure: the control points of each part's curve. */
   parts_mm: Vec3[][];
 }
@@ -48,7 +50,7 @@ export interface LiveBody {
 
 export const kTraceStep_s = 0.005;
 
-const kFormat = 2, kIsHeld = 1, kIsGate = 2;
+const kFormat = 3, kIsHeld = 1, kIsGate = 2;
 
 /** Throws where the message is of another format, or too short. */
 export function message_of(bytes: ArrayBuffer): LiveMessage {
@@ -75,7 +77,7 @@ export function message_of(bytes: ArrayBuffer): LiveMessage {
     exposes: (flags & 1) !== 0, injects: (flags & 2) !== 0, is_valve_locked: (flags & 4) !== 0, has_outlet: (flags & 8) !== 0, held_hub,
     exposures: whole(), time_s: real(), fluoroscopy_s: real(), injected_ml: real(),
     instruments: Array.from({ length: instruments }, () => ({
-      insertion_mm: real(), rotation_deg: real(), force_N: real(), torque_mNm: real(), parts_mm: list(() => list(point)),
+      insertion_mm: real(), rotation_deg: real(), force_N: real(), torque_mNm: real(), tip_branch: whole(), tip_along_mm: real(), parts_mm: list(() => list(point)),
     })),
     filled: list((): FilledDrum => ({ drum: whole(), mg_ml: real() })),
   };

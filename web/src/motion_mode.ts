@@ -49,6 +49,11 @@ class Waveform {
     this.growth = this.phases[this.phases.length - 1]! - this.phases[0]!;
   }
 
+  /** Of a phase that wraps, a turn. */
+  cycle_s(wraps: boolean): number {
+    return this.repeats_s / Math.max(1, wraps ? Math.round(Math.abs(this.growth)) : 1);
+  }
+
   at(time_s: number): number {
     const { piece, within_s, turns } = this.place_of(time_s);
     return this.piece_at(piece, within_s) + turns * this.growth;
@@ -123,6 +128,11 @@ export class MotionMode {
     this.wraps = wraps;
     this.period_s = period_s ?? 1;
     this.waveform = waveform ? new Waveform(waveform) : null;
+  }
+
+  /** In which it has all its phases. */
+  get cycle_s(): number {
+    return this.waveform ? this.waveform.cycle_s(this.wraps) : this.period_s;
   }
 
   /** At a time before or after any number of repetitions, 0 to 1. */

@@ -95,7 +95,7 @@ export class Picture {
       detail: is_coarse ? kQuick : kFull, is_moving, outline_colour: this.data.header.viewer.road_map_colour,
       outlined: is_moving && state.shows_road_map ? this.vessels : null,
     };
-    if (this.fluoroscopy?.is_due) this.begin_pulse(this.fluoroscopy, view, [...still, ...this.live], { ...style, look: "fluoro" });
+    if (this.fluoroscopy?.is_due) this.begin_pulse(this.fluoroscopy, view, [...still, ...this.live], { ...style, look: "fluoro" }, state.phases);
     const image = state.look === "fluoro" ? this.fluoroscopy?.image : null;
     if (image) return this.draw_image(image, view, style, state);
     this.shown_image = null;
@@ -106,11 +106,11 @@ export class Picture {
   }
 
   /** The rays of a pulse, of the picture's view in no more pixels than the detector has. */
-  private begin_pulse(fluoroscopy: Fluoroscopy, view: View, surfaces: readonly Surface[], style: Style): void {
+  private begin_pulse(fluoroscopy: Fluoroscopy, view: View, surfaces: readonly Surface[], style: Style, phases: readonly number[]): void {
     const seen = { width: Math.min(view.width, kMostDetectorSide * view.height), height: Math.min(view.height, kMostDetectorSide * view.width) };
     const scale = Math.min(1, Math.sqrt(kMostDetectorPixels / (seen.width * seen.height))), size = (pixels: number) => Math.max(1, Math.round(scale * pixels));
     const on_detector = { ...view, width: size(seen.width), height: size(seen.height), pixel_mm: view.pixel_mm / scale };
-    fluoroscopy.begin_pulse(this.renderer.rays_later(on_detector, surfaces, style), on_detector, style.outlined !== null && this.renderer.adds_up(surfaces, style));
+    fluoroscopy.begin_pulse(this.renderer.rays_later(on_detector, surfaces, style), on_detector, style.outlined !== null && this.renderer.adds_up(surfaces, style), phases);
   }
 
   private draw_image(image: DetectorImage, view: View, style: Style, state: State): boolean {

@@ -4,7 +4,7 @@ import { instance_of } from "./wasm_instance";
 
 interface Exports {
   memory: WebAssembly.Memory;
-  trainer_room(count: number): number;
+  room_for(count: number): number;
   trainer_open(): number;
   trainer_hold(push: number, turn: number, is_slow: boolean, pedal: boolean, injects: boolean): void;
   trainer_pulse_rate(per_s: number): void;
@@ -96,7 +96,7 @@ export class Simulation {
     const instruments = poses.length / 2;
     this.put(poses);
     this.calls.trainer_follow();
-    const at = this.calls.trainer_room(5 * instruments);
+    const at = this.calls.room_for(5 * instruments);
     return new Float64Array(this.calls.memory.buffer, at, 5 * instruments).slice();
   }
 
@@ -108,7 +108,7 @@ export class Simulation {
   /** Of each step since this was asked before: the time in s, and an insertion in mm and a rotation in rad of each hub. */
   take_steps(): Float64Array {
     const count = this.calls.trainer_take_steps();
-    return new Float64Array(this.calls.memory.buffer, this.calls.trainer_room(count), count).slice();
+    return new Float64Array(this.calls.memory.buffer, this.calls.room_for(count), count).slice();
   }
 
   /** As a server's; see live_message.ts. */
@@ -118,7 +118,7 @@ export class Simulation {
   }
 
   private put(numbers: Float64Array): void {
-    const at = this.calls.trainer_room(numbers.length); // memory may grow, and has another buffer then
+    const at = this.calls.room_for(numbers.length); // memory may grow, and has another buffer then
     new Float64Array(this.calls.memory.buffer, at, numbers.length).set(numbers);
   }
 

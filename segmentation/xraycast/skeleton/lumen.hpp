@@ -34,6 +34,7 @@ class Lumen {
 class MaskLumen : public Lumen {
  public:
   explicit MaskLumen(const Mask& mask);
+  explicit MaskLumen(const Mask&&) = delete;
 
   double voxel_mm() const override { return voxel_mm_; }
   double coarsest_mm() const override { return coarsest_mm_; }

@@ -133,7 +133,10 @@ LiveRun live_run_of(const RunRequest& run, const std::string& vessels_name) {
       triangles > kMostWebTriangles)
     throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
                      vessels_name, triangles, kMostWebTriangles);
-  return {.instruments = run.instruments, .contrast = contrast.whole()};
+  LiveRun live{.instruments = run.instruments, .contrast = contrast.whole()};
+  for (int branch = 0; branch < std::ssize(run.tree->branches()); ++branch)
+    live.vessels.push_back(run.tree->title(branch));
+  return live;
 }
 
 Exercise with_shown_names(Exercise exercise) {

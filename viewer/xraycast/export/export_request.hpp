@@ -33,6 +33,7 @@ struct LiveRun {
   Surface contrast;                          ///< all drums of a ContrastSurface
   bool has_hub = true;                       ///< the page moves the hubs; otherwise something else does
   std::vector<std::string> modes{};          ///< of the body's motion, in order; none where it is still
+  std::vector<std::string> vessels{};        ///< the branches of the tree in words
 };
 
 /// A task in a page that steers, with what its simulation takes.

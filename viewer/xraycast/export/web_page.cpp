@@ -233,7 +233,8 @@ PageJson add_live(const ExportRequest& session, Parts& parts) {
   return {{"instruments", instruments_json(session.live->instruments)},
           {"contrast", std::move(contrast)},
           {"has_hub", session.live->has_hub},
-          {"modes", session.live->modes}};
+          {"modes", session.live->modes},
+          {"vessels", session.live->vessels}};
 }
 
 /// Of an exercise, what its simulation takes behind the tree's numbers.

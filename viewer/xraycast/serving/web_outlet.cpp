@@ -46,6 +46,9 @@ void WebOutlet::publish(const LiveFrame& frame) {
   for (std::size_t d = 0; d < now.count(); ++d) {
     message_.instruments[d].pose = now.instrument(d).pose;
     message_.instruments[d].load = now.instrument(d).load;
+    const InstrumentTip& tip = now.instrument(d).tip;
+    message_.instruments[d].tip_branch = static_cast<std::size_t>(tip.branch);
+    message_.instruments[d].tip_along_mm = tip.arc_length_mm;
   }
   if (message_.exposures != static_cast<std::uint32_t>(intervention.exposures())) take_exposure(intervention);
   if (LiveBody* body = frame.body) take_body(*body);

@@ -8,7 +8,7 @@
 namespace xraycast {
 namespace {
 
-constexpr unsigned kFormat = 2;
+constexpr unsigned kFormat = 3;
 constexpr unsigned kExposes = 1, kInjects = 2, kIsLocked = 4, kHasOutlet = 8;
 constexpr unsigned kIsHeld = 1, kIsGate = 2;  // of a mode
 
@@ -34,6 +34,8 @@ void add_instrument(const BrowserMessage::Instrument& instrument, Numbers& numbe
   numbers.real(instrument.pose.rotation_rad * 180 / std::numbers::pi);
   numbers.real(instrument.load.force_N);
   numbers.real(1000 * instrument.load.torque_Nm);
+  numbers.whole(instrument.tip_branch);
+  numbers.real(instrument.tip_along_mm);
   numbers.whole(instrument.parts_mm.size());
   for (const std::vector<glm::dvec3>& part_mm : instrument.parts_mm) {
     numbers.whole(part_mm.size());

@@ -158,4 +158,15 @@ FluoroscopeSetup fluoroscope_setup_of(std::span<const double> packed) {
   return setup;
 }
 
+View pulse_view_of(std::span<const double, 10> n) {
+  View view{.lao_rad = n[0],
+            .cranial_rad = n[1],
+            .centre_mm = {n[2], n[3], n[4]},
+            .width = static_cast<int>(n[5]),
+            .height = static_cast<int>(n[6]),
+            .pixel_mm = n[7]};
+  if (n[8] > 0) view.cone = Cone{n[8], n[9]};
+  return view;
+}
+
 }  // namespace xraycast

@@ -2,6 +2,7 @@
 
 #include "xraycast/fluoroscope/beam.hpp"
 #include "xraycast/fluoroscope/fluoroscopy_options.hpp"
+#include "xraycast/projection/view.hpp"
 
 #include <span>
 #include <vector>
@@ -39,5 +40,9 @@ std::vector<double> packed(const FluoroscopeSetup& setup);
 
 /// Throws InputError where numbers are missing, and as `check`.
 FluoroscopeSetup fluoroscope_setup_of(std::span<const double> numbers);
+
+/// Of a pulse: the C-arm's angles in rad, the centre in mm, width and height in pixels, their size in mm, and
+/// the distances of the cone, or 0 and 0 where rays are parallel.
+View pulse_view_of(std::span<const double, 10> numbers);
 
 }  // namespace xraycast

@@ -115,6 +115,9 @@ std::string Trainer::message() {
   for (std::size_t d = 0; d < instruments_.count(); ++d) {
     message_.instruments[d].pose = instruments_.pose(d);
     message_.instruments[d].load = instruments_.load(d);
+    const InstrumentTip tip = instruments_.tip(d);
+    message_.instruments[d].tip_branch = static_cast<std::size_t>(tip.branch);
+    message_.instruments[d].tip_along_mm = tip.arc_length_mm;
   }
   const bool is_gate_open = this->is_gate_open();
   if (message_.exposures == 0 || (is_gate_open && is_pulse_due())) expose();
