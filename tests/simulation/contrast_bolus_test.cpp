@@ -190,6 +190,26 @@ TEST(WidenedTree, ABranchHasItsFlowAgainWhereItsStenosisIsOpened) {
   EXPECT_NEAR(bolus.flow().end_ml_s(1), healthy_ml_s, 2e-3 * healthy_ml_s);
 }
 
+TEST(ClosedBranch, KeepsItsAgentUntilTheBalloonIsFolded) {
+  const VesselTree vessels = tree();
+  ContrastBolus bolus(vessels, {.heart_rate_bpm = kSteady_bpm});
+  const auto in_mg = [&](std::size_t b) {
+    double sum = 0;
+    for (const double mg_ml : bolus.iodine_mg_ml()[b]) sum += mg_ml;
+    return sum;
+  };
+  for (int i = 0; i < 100; ++i) bolus.step(0.01, place(2, 5), 1, 350);
+  bolus.flow().fill({{.branch = 2, .from_mm = 40, .to_mm = 60, .radius_mm = 2}});
+  const double before = in_mg(2);
+  ASSERT_GT(before, 0);
+  for (int i = 0; i < 300; ++i) bolus.step(0.01, place(0, 0), 0);
+  // Rounding: no flow, and diffusion is across the vessel alone.
+  EXPECT_NEAR(in_mg(2), before, 1e-9 * before);
+  bolus.flow().fill({});
+  for (int i = 0; i < 300; ++i) bolus.step(0.01, place(0, 0), 0);
+  EXPECT_LT(in_mg(2), 0.1 * before);
+}
+
 TEST_F(Bolus, DividesTheFlowByAPowerOfTheRadii) {
   EXPECT_NEAR(bolus_.mean_flow_ml_s(0), kRootFlow_ml_s, 1e-12);
   EXPECT_NEAR(bolus_.mean_flow_ml_s(1), kRootFlow_ml_s * 9 / 13, 1e-12);

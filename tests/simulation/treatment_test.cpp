@@ -120,6 +120,27 @@ TEST(Balloon, FollowsItsChart) {
   EXPECT_EQ(InstrumentModel::named("cobra-5f").max_inflation_bar(), 0);
 }
 
+TEST(Balloon, StopsTheBloodWhileItFillsItsVessel) {
+  const NarrowedVessel vessel;
+  RunRequest request = dilatation(vessel);
+  request.blood.heart_rate_bpm = 0;
+  const auto done_run = run_of(request);
+  const auto tip_mmHg = [&](double time_s) {
+    return done_run.pressures[static_cast<std::size_t>(std::round(100 * time_s))].tips_mmHg[0];
+  };
+  EXPECT_LT(tip_mmHg(2), 93) << "the stenosis, with the catheter in it";
+  // Venous pressure, five time constants of the periphery after the balloon has filled the vessel.
+  EXPECT_NEAR(tip_mmHg(4), 5, 0.05 * 88);
+  EXPECT_GT(tip_mmHg(6), tip_mmHg(2)) << "the stenosis is opened";
+  EXPECT_NEAR(tip_mmHg(6), 93, 2);
+  // It fills 3 mm to 0.98 at 0.63 bar on its way to 8 bar in 1.5 s, and 5.9 mm until 3.36 bar on its way
+  // back.
+  const double begins_s = 2 + 1.5 * 0.63 / 8, ends_s = 4 + 1.5 * (8 - 3.36) / 8;
+  // The balloon is worked on every 10 ms.
+  EXPECT_NEAR(done_run.treatments.at(0).occluded_s, ends_s - begins_s, 0.02);
+  EXPECT_THAT(in_words(done_run.treatments[0], *request.tree), testing::EndsWith("; no flow for 2.8 s"));
+}
+
 TEST(Balloon, LeavesAWiderVesselAlone) {
   NarrowedVessel wide{.radius_mm = 5, .narrowed = 0};
   const auto done_run = run_of(dilatation(wide));
@@ -286,10 +307,11 @@ TEST(Balloon, IsReported) {
   EXPECT_NEAR(done["residual_stenosis_percent"].get<double>(), 100 * (1 - 5.9 / 5.8), 0.1);
   EXPECT_NEAR(done["balloon_to_vessel"].get<double>(), 6 / 5.8, 1e-3);
   EXPECT_EQ(done["largest_bar"], 8);
+  EXPECT_NEAR(done["occluded_s"].get<double>(), done_run.treatments[0].occluded_s, 1e-9);
   EXPECT_THAT(
       in_words(done_run.treatments[0], *request.tree),
       testing::MatchesRegex("balloon-6x20 in left renal artery: 6 mm at 8 bar; least diameter 2.[0-9]+ mm "
-                            "before, 5.90 mm after, of 5.80 mm: residual stenosis -2 %"));
+                            "before, 5.90 mm after, of 5.80 mm: residual stenosis -2 %; no flow for 2.8 s"));
 }
 
 // ---- stents ---------------------------------------------------------------------------------------------

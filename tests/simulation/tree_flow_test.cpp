@@ -307,6 +307,60 @@ TEST(TreeFlow, StandsStillWhereItIsWedged) {
   EXPECT_NEAR(flow_in(flow, kRenal).mean, flow.rest_ml_s(kRenal), 0.01 * flow.rest_ml_s(kRenal));
 }
 
+TEST(TreeFlow, RunsEmptyBehindABalloon) {
+  // A catheter to the end of the branch, and a balloon of 20 mm on it that fills the branch.
+  const VesselTree tree = trunk();
+  TreeFlow flow(tree, {.heart_rate_bpm = 0});
+  const double before_mmHg = flow.aortic_mmHg();
+  const auto step = [&](double time_s) {
+    for (int i = 0; i < static_cast<int>(std::round(1e3 * time_s)); ++i) flow.step(1e-3, place(0, 0), 0);
+  };
+  const TreeFlow::Filling catheter{.branch = kRenal, .from_mm = 0, .to_mm = 58, .radius_mm = 0.4};
+  const auto balloon = [](double radius_mm) {
+    return TreeFlow::Filling{.branch = kRenal, .from_mm = 20, .to_mm = 40, .radius_mm = radius_mm};
+  };
+  // The less flows the wider it is.
+  double last_ml_s = flow.rest_ml_s(kRenal);
+  for (const double radius_mm : {1.5, 2.4, 2.7, 2.9}) {
+    flow.fill({catheter, balloon(radius_mm)});
+    step(3);
+    EXPECT_LT(flow.end_ml_s(kRenal), last_ml_s) << radius_mm;
+    last_ml_s = flow.end_ml_s(kRenal);
+  }
+  EXPECT_GT(last_ml_s, 0);
+  // Ten of the windkessel's time constants.
+  flow.fill({catheter});
+  step(15);
+  const double behind_mmHg = flow.pressure_mmHg(place(kRenal, 55));
+  flow.fill({catheter, balloon(3)});
+  // The periphery's compliance discharges through its distal resistance into the veins: 0.15 of the arterial
+  // compliance, and 0.91 of the resistance, both in proportion to the flow at rest.
+  const double windkessel_s = 0.79 * 1.75, rest_mmHg = behind_mmHg - TreeFlow::kVenous_mmHg,
+               constant_s = 0.15 * windkessel_s * 0.91;
+  double time_s = 0;
+  // As the periphery's proximal resistance bears no flow any more, the pressure behind the balloon is the
+  // compliance's at once: 0.09 of the drop lower.
+  for (const double until_s : {0.05, 0.2, 0.5}) {
+    step(until_s - time_s);
+    time_s = until_s;
+    const double expected_mmHg = TreeFlow::kVenous_mmHg + 0.91 * rest_mmHg * std::exp(-time_s / constant_s);
+    // What the branch loses at rest, a tenth of a mmHg, and what of the catheter's drop is not there at rest.
+    EXPECT_NEAR(flow.pressure_mmHg(place(kRenal, 55)), expected_mmHg, 0.005 * rest_mmHg) << time_s;
+    EXPECT_EQ(flow.start_ml_s(kRenal), 0);
+    EXPECT_EQ(flow.end_ml_s(kRenal), 0);
+  }
+  // The others share the heart's output: the aorta's pressure rises by the flow that has no way any more.
+  step(10);
+  const double output_ml_s = 5000.0 / 60, without_ml_s = output_ml_s - flow.rest_ml_s(kRenal);
+  // Drops in the tree, which grow with the flow, are a hundredth of the pressure.
+  EXPECT_NEAR(flow.aortic_mmHg() - TreeFlow::kVenous_mmHg,
+              (before_mmHg - TreeFlow::kVenous_mmHg) * output_ml_s / without_ml_s, 0.1);
+  EXPECT_NEAR(flow.pressure_mmHg(place(kRenal, 10)), flow.aortic_mmHg(), 0.5) << "before the balloon";
+  flow.fill({catheter});
+  step(15);
+  EXPECT_NEAR(flow.pressure_mmHg(place(kRenal, 55)), behind_mmHg, 0.01);
+}
+
 TEST(TreeFlow, IsNarrowedByAnInstrument) {
   const VesselTree tree = trunk();
   TreeFlow flow(tree, {});

@@ -235,6 +235,14 @@ void TreeFlow::set_lumen(std::size_t branch, const std::vector<double>& radii_mm
   divide(branch, divided_mm_[branch]);
 }
 
+void TreeFlow::set_lumens(const VesselTree& tree) {
+  for (std::size_t b = 0; b < tree.branches().size(); ++b) {
+    std::vector<double> radii_mm;
+    for (const VesselPoint& point : tree.branches()[b].points) radii_mm.push_back(point.radius_mm);
+    set_lumen(b, radii_mm);
+  }
+}
+
 void TreeFlow::set_conductance(std::size_t branch, double share) {
   share_[branch] = share;
   divide(branch, divided_mm_[branch]);

@@ -61,6 +61,8 @@ class TreeFlow {
 
   /// Other radii of a branch's points from the next step on, as a balloon or a stent leaves them.
   void set_lumen(std::size_t branch, const std::vector<double>& radii_mm);
+  /// Those of all branches, of a tree with the same points.
+  void set_lumens(const VesselTree& tree);
   /// How much of a branch's conductance is left: 0 closes it, as a balloon does.
   void set_conductance(std::size_t branch, double share);
   /// How much of the periphery's conductance behind a leaf is left, as particles embolise it.

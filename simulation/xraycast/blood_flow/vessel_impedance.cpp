@@ -1,6 +1,7 @@
 #include "xraycast/blood_flow/vessel_impedance.hpp"
 
 #include "xraycast/blood_flow/blood.hpp"
+#include "xraycast/catheter/lumen_profile.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -18,9 +19,6 @@ constexpr double kResistance = 1e3 / kPa_per_mmHg, kInertance = 1e-3 / kPa_per_m
 
 /// The integral of dl / r^4 over a length of 1 with the radius linear from a to b.
 double inverse_fourth(double a, double b) { return (a * a + a * b + b * b) / (3 * a * a * a * b * b * b); }
-
-/// From here on an instrument fills the vessel: what is left of its conductance is below a ten thousandth.
-constexpr double kFilled = 0.98;
 
 /// The conductance of an annulus relative to that of the whole pipe, by the ratio of its radii.
 double annulus_share(double ratio) {
@@ -91,9 +89,9 @@ void VesselImpedance::add_up() {
   up_to_[0] = sum;
   for (std::size_t s = 0; s + 1 < radius_mm_.size(); ++s) {
     const double length_mm = arc_mm_[s + 1] - arc_mm_[s], a = radius_mm_[s], b = radius_mm_[s + 1];
-    const double ratio = std::min(occupied_[s].radius_mm / std::sqrt(a * b), kFilled),
+    const double ratio = std::min(occupied_[s].radius_mm / std::sqrt(a * b), kFillsLumen),
                  share = occupied_[s].share;
-    if (ratio == kFilled) ++sum.blocked;
+    if (ratio == kFillsLumen) ++sum.blocked;
     sum.resistance += kResistance * 8 * kBloodViscosity_Pa_s / kPi * length_mm * inverse_fourth(a, b) *
                       (1 - share + share / annulus_share(ratio));
     sum.inertance += kInertance * kBloodDensity_kg_m3 / kPi * length_mm / (a * b) *

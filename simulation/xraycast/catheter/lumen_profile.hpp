@@ -4,6 +4,10 @@
 
 namespace xraycast {
 
+/// What is so much of a vessel's width, or more, fills it: less than a ten thousandth of its conductance is
+/// left.
+inline constexpr double kFillsLumen = 0.98;
+
 // The width of a vessel along its centreline, at arc lengths from its first point; linear between the
 // stations of the field, and beyond its ends as there.
 

@@ -243,6 +243,11 @@ double Instruments::balloon_radius_mm(std::size_t instrument) const {
   return model.balloon() ? model.balloon_radius_mm(balloon_bar(instrument)) : 0;
 }
 
+std::span<const YieldingWalls::Opening> Instruments::balloon_lengths(std::size_t instrument) const {
+  if (balloon_bar(instrument) == 0) return {};
+  return balloons_[instrument].place.lengths;
+}
+
 bool Instruments::is_balloon_out(std::size_t instrument) const {
   const BalloonModel& balloon = *rod(instrument).instrument().balloon();
   const double out_mm = std::min(pose(instrument).insertion_mm, rods_.bare_mm(instrument));

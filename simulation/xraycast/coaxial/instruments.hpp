@@ -110,6 +110,9 @@ class Instruments {
   double balloon_bar(std::size_t instrument) const { return balloons_[instrument].bar; }
   double balloon_radius_mm(std::size_t instrument) const;
 
+  /// The lengths of vessels that it lies in, as wide as it is; none while it is folded.
+  std::span<const YieldingWalls::Opening> balloon_lengths(std::size_t instrument) const;
+
   /// Whether a stent is on its balloon still. A balloon leaves it once it was filled to the first pressure of
   /// its chart or more, and is folded again.
   bool carries_stent(std::size_t instrument) const { return balloons_[instrument].carries_stent; }

@@ -30,8 +30,9 @@ Treatment& Treatments::of(const Filled& balloon, double time_s) {
   for (Treatment& treatment : list_)
     if (!treatment.is_over && treatment.instrument == balloon.instrument) return treatment;
   before_.push_back(walls_.field());
-  return list_.emplace_back(
-      Treatment{.instrument = balloon.instrument, .device = *balloon.device, .from_s = time_s});
+  occludes_.push_back(false);
+  return list_.emplace_back(Treatment{
+      .instrument = balloon.instrument, .device = *balloon.device, .from_s = time_s, .to_s = time_s});
 }
 
 void Treatments::place(Treatment& treatment, const Filled& balloon, const LumenDistanceField& before) const {
@@ -89,16 +90,24 @@ void Treatments::end(Treatment& treatment) {
                                        .branch = treatment.branch,
                                        .middle_mm = treatment.middle_mm,
                                        .radius_mm = recoiled_mm(0.5 * treatment.opened_mm),
-                                       .treatment = static_cast<std::size_t>(&treatment - list_.data())});
+                                       .treatment = number_of(treatment)});
   treatment.stent_mm = 2 * stent.radius_mm;
   treatment.stent_length_mm = stent.length_mm();
+}
+
+/// Any of the vessels that it lies in, as the walls are now.
+bool Treatments::fills(const Filled& balloon) const {
+  return std::any_of(
+      balloon.place.lengths.begin(), balloon.place.lengths.end(), [&](const YieldingWalls::Opening& length) {
+        return length.radius_mm >=
+               kFillsLumen * least_radius_mm(*walls_.field(), length.branch, length.from_mm, length.to_mm);
+      });
 }
 
 bool Treatments::work(std::span<const Filled> balloons, double time_s) {
   for (const Filled& balloon : balloons) {
     Treatment& treatment = of(balloon, time_s);
-    if (balloon.bar > treatment.largest_bar)
-      place(treatment, balloon, *before_[static_cast<std::size_t>(&treatment - list_.data())]);
+    if (balloon.bar > treatment.largest_bar) place(treatment, balloon, *before_[number_of(treatment)]);
   }
   open_stents(balloons);
   const std::size_t stents_before = stents_.size();
@@ -106,6 +115,7 @@ bool Treatments::work(std::span<const Filled> balloons, double time_s) {
   for (Treatment& treatment : list_) {
     if (treatment.is_over) continue;
     going_on.push_back(&treatment);
+    if (occludes_[number_of(treatment)]) treatment.occluded_s += time_s - treatment.to_s;
     treatment.to_s = time_s;
     const auto is_its = [&](const Filled& balloon) { return balloon.instrument == treatment.instrument; };
     if (std::none_of(balloons.begin(), balloons.end(), is_its)) end(treatment);
@@ -115,6 +125,7 @@ bool Treatments::work(std::span<const Filled> balloons, double time_s) {
   for (Treatment* treatment : going_on)
     treatment->least_after_mm =
         2 * least_radius_mm(field, treatment->branch, treatment->from_mm, treatment->to_mm);
+  for (const Filled& balloon : balloons) occludes_[number_of(of(balloon, time_s))] = fills(balloon);
   for (std::size_t s = stents_before; s < stents_.size(); ++s)
     list_[stents_[s].treatment].malapposition = malapposition(stents_[s], field);
   return moves;

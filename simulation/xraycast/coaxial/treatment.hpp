@@ -45,7 +45,8 @@ struct Treatment {
   double from_mm = 0, to_mm = 0;  ///< that length, from the branch's first point, at the largest pressure
   double middle_mm = 0;           ///< where the balloon's middle was or, in another vessel, that length's
   double largest_bar = 0;
-  double opened_mm = 0;        ///< the balloon's diameter at that pressure
+  double opened_mm = 0;   ///< the balloon's diameter at that pressure
+  double occluded_s = 0;  ///< for so long it filled its vessel (kFillsLumen), in which no blood flows then
   double least_before_mm = 0;  ///< diameter in that length
   double least_after_mm = 0;   ///< now or, once it is over, then
   /// The mean of the diameters before, kReference_mm beyond either end of that length.
@@ -93,7 +94,11 @@ class Treatments {
 
  private:
   Treatment& of(const Filled& balloon, double time_s);
+  std::size_t number_of(const Treatment& treatment) const {
+    return static_cast<std::size_t>(&treatment - list_.data());
+  }
   void place(Treatment& treatment, const Filled& balloon, const LumenDistanceField& before) const;
+  bool fills(const Filled& balloon) const;
 
   void open_stents(std::span<const Filled> balloons);
   void end(Treatment& treatment);
@@ -103,6 +108,7 @@ class Treatments {
   std::vector<Treatment> list_;
   std::vector<PlacedStent> stents_;
   std::vector<std::shared_ptr<const LumenDistanceField>> before_;  ///< of each
+  std::vector<bool> occludes_;                                     ///< each, as of the last time
 };
 
 }  // namespace xraycast

@@ -99,10 +99,8 @@ void ContrastBolus::step(double time_s, const VesselTree::Location& tip, double 
 }
 
 void ContrastBolus::take_radii(const VesselTree& tree) {
+  flow_.set_lumens(tree);
   for (std::size_t b = 0; b < vessels_.size(); ++b) {
-    std::vector<double> radii_mm;
-    for (const VesselPoint& point : tree.branches()[b].points) radii_mm.push_back(point.radius_mm);
-    flow_.set_lumen(b, radii_mm);
     vessels_[b].take_radii(tree.branches()[b]);
     vessels_[b].copy_means(iodine_mg_ml_[b]);
   }

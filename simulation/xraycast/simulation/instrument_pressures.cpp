@@ -50,6 +50,13 @@ std::vector<TreeFlow::Filling> fillings_of(const VesselTree& tree, const VesselE
   return fillings;
 }
 
+std::vector<TreeFlow::Filling> fillings_of(std::span<const YieldingWalls::Opening> balloon_lengths) {
+  std::vector<TreeFlow::Filling> fillings;
+  for (const YieldingWalls::Opening& length : balloon_lengths)
+    fillings.push_back({length.branch, length.from_mm, length.to_mm, length.radius_mm});
+  return fillings;
+}
+
 std::vector<TreeFlow::Filling> fillings_of(const VesselTree& tree, const Instruments& instruments) {
   std::vector<TreeFlow::Filling> all;
   for (std::size_t d = 0; d < instruments.count(); ++d) {
@@ -58,14 +65,24 @@ std::vector<TreeFlow::Filling> fillings_of(const VesselTree& tree, const Instrum
     for (const TreeFlow::Filling& filling :
          fillings_of(tree, instruments.entry(), instruments.tip(d), radius_mm))
       all.push_back(filling);
+    for (const TreeFlow::Filling& filling : fillings_of(instruments.balloon_lengths(d)))
+      all.push_back(filling);
   }
   return all;
+}
+
+/// Where walls have yielded.
+void InstrumentPressures::take_vessels(const Instruments& instruments) {
+  if (instruments.vessel_changes() == vessel_changes_) return;
+  vessel_changes_ = instruments.vessel_changes();
+  flow_.set_lumens(instruments.widened_tree());
 }
 
 void InstrumentPressures::advance(const Instruments& instruments, double time_s, const Injection& injection) {
   constexpr double kRounding_s = 1e-9, kFilledEvery_s = 0.01;  // in which a hub moves by a millimetre at most
   if (time_s - time_s_ < TreeFlow::kLongestStep_s - kRounding_s) return;
   if (filled_s_ < 0 || time_s - filled_s_ >= kFilledEvery_s - kRounding_s) {
+    take_vessels(instruments);
     flow_.fill(fillings_of(tree_, instruments));
     filled_s_ = time_s;
   }

@@ -5,6 +5,7 @@
 #include "xraycast/simulation/injection.hpp"
 
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace xraycast {
@@ -16,11 +17,14 @@ VesselTree::Location location_of(const InstrumentTip& tip);
 std::vector<TreeFlow::Filling> fillings_of(const VesselTree& tree, const VesselEnd& entry,
                                            const InstrumentTip& tip, double radius_mm);
 
-/// Of all instruments.
+/// What a balloon takes of the vessels that it lies in: see Instruments::balloon_lengths.
+std::vector<TreeFlow::Filling> fillings_of(std::span<const YieldingWalls::Opening> balloon_lengths);
+
+/// Of all instruments and their balloons.
 std::vector<TreeFlow::Filling> fillings_of(const VesselTree& tree, const Instruments& instruments);
 
-/// The pressure of the blood at the tips of instruments, as they move through a tree and agent is injected
-/// through them.
+/// The pressure of the blood at the tips of instruments, as they move through a tree, balloons fill and open
+/// its vessels, and agent is injected through them.
 class InstrumentPressures {
  public:
   /// The tree must outlive it. Throws as TreeFlow.
@@ -35,9 +39,12 @@ class InstrumentPressures {
   }
 
  private:
+  void take_vessels(const Instruments& instruments);
+
   const VesselTree& tree_;
   TreeFlow flow_;
   double time_s_ = 0, filled_s_ = -1;
+  long vessel_changes_ = 0;  ///< that the flow knows of; see Instruments
 };
 
 }  // namespace xraycast

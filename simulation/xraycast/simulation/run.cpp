@@ -336,6 +336,8 @@ std::string in_words(const Treatment& treatment, const VesselTree& tree) {
           ? fmt::format("; stent of {:.2f} by {:.1f} mm, at most {:.2f} mm off the wall", treatment.stent_mm,
                         treatment.stent_length_mm, treatment.malapposition.largest_mm)
           : "";
+  const std::string occluded =
+      treatment.occluded_s > 0 ? fmt::format("; no flow for {:.1f} s", treatment.occluded_s) : "";
   return fmt::format(
              "{} in {}: {:.3g} mm at {:.3g} bar; least diameter {:.2f} mm before, {:.2f} mm after, of {:.2f} "
              "mm: "
@@ -343,7 +345,7 @@ std::string in_words(const Treatment& treatment, const VesselTree& tree) {
              treatment.device, tree.title(treatment.branch), treatment.opened_mm, treatment.largest_bar,
              treatment.least_before_mm, treatment.least_after_mm, treatment.reference_mm,
              no_negative_zero(kPercent * treatment.residual_stenosis(), 0)) +
-         stent;
+         stent + occluded;
 }
 
 std::vector<RunRecord> records_of(const Instruments& instruments, double time_s,

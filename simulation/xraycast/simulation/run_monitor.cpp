@@ -51,6 +51,7 @@ ReportJson json_of(const TreatmentFigures& f) {
                   {"to_s", json_of(f.ended_s)},
                   {"largest_bar", t.largest_bar},
                   {"opened_mm", t.opened_mm},
+                  {"occluded_s", t.occluded_s},
                   {"least_before_mm", t.least_before_mm},
                   {"least_after_mm", t.least_after_mm},
                   {"reference_mm", t.reference_mm},

@@ -128,6 +128,8 @@ void SimulationLoop::publish(std::size_t instrument, InstrumentSnapshot& snapsho
   loads_[instrument] = snapshot.load = instruments_->load(instrument);
   snapshot.tip = instruments_->tip(instrument);
   snapshot.balloon_bar = instruments_->balloon_bar(instrument);
+  const auto lengths = instruments_->balloon_lengths(instrument);
+  snapshot.balloon_lengths.assign(lengths.begin(), lengths.end());
   snapshot.carries_stent = instruments_->carries_stent(instrument);
   snapshot.nodes_mm.reserve(instruments_->rod(instrument).max_nodes());
   snapshot.contacts.reserve(instruments_->rod(instrument).max_nodes());

@@ -33,8 +33,9 @@ struct InstrumentSnapshot {
   InstrumentTip tip;
   std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's outer end to the tip
   std::vector<InstrumentContact> contacts;
-  double balloon_bar = 0;      ///< see Instruments
-  bool carries_stent = false;  ///< likewise
+  double balloon_bar = 0;                               ///< see Instruments
+  std::vector<YieldingWalls::Opening> balloon_lengths;  ///< likewise
+  bool carries_stent = false;                           ///< likewise
 };
 
 /// What treatments made of the vessels.

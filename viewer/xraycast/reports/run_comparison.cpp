@@ -59,13 +59,14 @@ constexpr std::array<Figure, 14> kOfInstrument{
      {"slips", "slips", "", 0},
      {"whips", "whips", "", 0},
      {"exchanges", "exchanges", "", 0}}};
-constexpr std::array<Figure, 17> kOfTreatment{
+constexpr std::array<Figure, 18> kOfTreatment{
     {{"from_s", "begun", "s", 1},
      {"to_s", "ended", "s", 1},
      {"from_mm", "from, along the vessel", "mm", 1},
      {"to_mm", "to, along the vessel", "mm", 1},
      {"largest_bar", "largest pressure", "bar", 1},
      {"opened_mm", "opened to", "mm", 2},
+     {"occluded_s", "vessel filled by the balloon", "s", 1},
      {"reference_mm", "reference diameter", "mm", 2},
      {"balloon_to_vessel", "balloon to vessel", "", 2},
      {"least_before_mm", "least diameter before", "mm", 2},

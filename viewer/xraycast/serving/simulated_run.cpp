@@ -83,10 +83,14 @@ void SimulatedRun::update() {
 
 std::vector<TreeFlow::Filling> SimulatedRun::fillings() const {
   std::vector<TreeFlow::Filling> all;
-  for (std::size_t d = 0; d < now_->count(); ++d)
+  for (std::size_t d = 0; d < now_->count(); ++d) {
+    if (now_->instrument(d).pose.insertion_mm <= 0) continue;
     for (const TreeFlow::Filling& filling :
          fillings_of(*tree_, entry_, now_->instrument(d).tip, models()[d].radius_mm()))
-      if (now_->instrument(d).pose.insertion_mm > 0) all.push_back(filling);
+      all.push_back(filling);
+    for (const TreeFlow::Filling& filling : fillings_of(now_->instrument(d).balloon_lengths))
+      all.push_back(filling);
+  }
   return all;
 }
 
