@@ -6,6 +6,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/motion/body_clock.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
 
 #include <fmt/ranges.h>
 
@@ -101,10 +102,8 @@ class HeldInstruments {
     const auto lock = locked();
     std::vector<InstrumentShape> all(count());
     for (std::size_t d = 0; d < count(); ++d) {
+      all[d] = drawn(instruments_.rod(d).instrument());
       instruments_.copy_nodes(d, all[d].nodes_mm);
-      const InstrumentModel& model = instruments_.rod(d).instrument();
-      all[d].radius_mm = model.radius_mm();
-      all[d].has_lumen = model.inner_radius_mm() > 0;
     }
     return all;
   }

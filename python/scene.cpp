@@ -5,7 +5,9 @@
 #include "calls/values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/geometry/body_bounds.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/instrument_curve.hpp"
 #include "xraycast/scene/vessels.hpp"
 
 #include <fmt/format.h>
@@ -13,6 +15,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <memory>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -76,13 +79,50 @@ void make_implant(Implant* implant, nb::handle surface, const std::string& mater
   warn(notes);
 }
 
-void make_shape(InstrumentShape* shape, const ArrayArgument& nodes_mm, double diameter_mm, bool is_wire) {
+constexpr double kLongest_mm = 5000;  // of an instrument, as of its models
+
+void make_marker(MarkerModel* marker, double length_mm, double from_tip_mm, std::string material,
+                 double thickness_mm) {
+  MarkerModel made{.material = std::move(material),
+                   .from_tip_mm = from_tip_mm,
+                   .length_mm = length_mm,
+                   .thickness_mm = thickness_mm};
+  check({made}, kLargestRadius_mm, 0, kLongest_mm, "Marker");
+  new (marker) MarkerModel(std::move(made));
+}
+
+std::vector<MarkerModel> markers_of(nb::handle markers) {
+  constexpr const char* kWhat = "markers: must be a list of Marker";
+  if (!nb::isinstance<nb::sequence>(markers)) throw InputError(kWhat);
+  std::vector<MarkerModel> all;
+  for (const nb::handle one : nb::borrow<nb::sequence>(markers))
+    if (!nb::try_cast(one, all.emplace_back())) throw InputError(kWhat);
+  return all;
+}
+
+/// NaN where a marker has yet to enter.
+nb::ndarray<nb::numpy, double, nb::ndim<2>> marker_middles(const InstrumentShape& shape) {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  const auto middles = std::make_shared<std::vector<glm::dvec3>>();
+  for (const std::optional<glm::dvec3>& middle_mm : middles_of(shape.nodes_mm, shape.markers))
+    middles->push_back(middle_mm.value_or(glm::dvec3(kNaN)));
+  double* const first = middles->empty() ? nullptr : &middles->front().x;
+  return array_over<double, 2>(first, {middles->size(), 3}, middles);
+}
+
+void make_shape(InstrumentShape* shape, const ArrayArgument& nodes_mm, double diameter_mm, bool is_wire,
+                nb::handle markers) {
   constexpr std::size_t kFewest = 4;
   std::vector<glm::dvec3> nodes = points_of(nodes_mm, "nodes_mm");
   if (nodes.size() < kFewest) throw InputError("nodes_mm: must be at least {} points", kFewest);
   if (!(diameter_mm > 0 && std::isfinite(diameter_mm)))
     throw InputError("diameter_mm {:g}: must be above 0", diameter_mm);
-  new (shape) InstrumentShape{std::move(nodes), 0.5 * diameter_mm, !is_wire};
+  const double radius_mm = 0.5 * diameter_mm;
+  std::vector<MarkerModel> made = markers.is_none()
+                                      ? usual_markers(radius_mm, is_wire ? 0 : 0.5 * radius_mm, kLongest_mm)
+                                      : markers_of(markers);
+  if (!markers.is_none()) check(made, radius_mm, 0, kLongest_mm, "markers");
+  new (shape) InstrumentShape{std::move(nodes), radius_mm, !is_wire, std::move(made)};
 }
 
 }  // namespace
@@ -134,12 +174,44 @@ void add_scene(nb::module_& module) {
         return fmt::format("<xraycast.Implant of {}, {} triangles>", i.material.name,
                            i.mesh.triangles.size());
       });
+  nb::class_<MarkerModel>(module, "Marker",
+                          "A radiopaque band around an instrument, or the coil around a wire's tip.")
+      .def("__init__", make_marker, nb::arg("length_mm"), nb::arg("from_tip_mm") = 0.0, nb::kw_only(),
+           nb::arg("material") = "platinum", nb::arg("thickness_mm") = MarkerModel().thickness_mm,
+           "from_tip_mm: of the instrument to the marker.  material: platinum, platinum-iridium, gold, "
+           "tantalum or "
+           "tungsten.  thickness_mm: of its wall; of a coil, that of a tube of as much metal.")
+      .def_ro("length_mm", &MarkerModel::length_mm)
+      .def_ro("from_tip_mm", &MarkerModel::from_tip_mm)
+      .def_ro("material", &MarkerModel::material)
+      .def_ro("thickness_mm", &MarkerModel::thickness_mm)
+      .def("__repr__", [](const MarkerModel& m) {
+        return fmt::format("<xraycast.Marker of {}, {:g} mm long, {:g} mm from the tip>", m.material,
+                           m.length_mm, m.from_tip_mm);
+      });
   nb::class_<InstrumentShape>(module, "InstrumentShape",
                               "An instrument's shape, with the diameter and material that frames show.")
       .def("__init__", make_shape, nb::arg("nodes_mm"), nb::arg("diameter_mm"), nb::kw_only(),
-           nb::arg("is_wire") = false,
-           "nodes_mm: from the introducer to the tip, (4 or more, 3), mm, LPS.  is_wire: of steel, with a "
-           "denser tip; else a catheter's radiopaque tubing.")
+           nb::arg("is_wire") = false, nb::arg("markers") = nb::none(),
+           nb::sig(
+               "def __init__(self, nodes_mm: numpy.typing.ArrayLike, diameter_mm: float, *, is_wire: bool = "
+               "False, markers: collections.abc.Sequence[Marker] | None = None) -> None"),
+           "nodes_mm: from the introducer to the tip, (4 or more, 3), mm, LPS.  is_wire: of steel; else a "
+           "catheter's radiopaque tubing.  markers: its bands; without, a wire has a coil of platinum over "
+           "its "
+           "last 30 mm, and a catheter none.")
+      .def_prop_ro(
+          "markers",
+          [](const InstrumentShape& s) {
+            nb::list markers;
+            for (const MarkerModel& marker : s.markers) markers.append(nb::cast(marker));
+            return markers;
+          },
+          nb::sig("def markers(self) -> list[Marker]"), "Its bands, as the instrument's model has them.")
+      .def_prop_ro(
+          "marker_middles_mm", marker_middles, kShared,
+          "(markers, 3) float64, mm, LPS: the middle of each band; NaN of one that has yet to enter; a "
+          "new array.")
       .def_prop_ro(
           "nodes_mm",
           [](const InstrumentShape& s) {
@@ -150,10 +222,7 @@ void add_scene(nb::module_& module) {
       .def_prop_ro("diameter_mm", [](const InstrumentShape& s) { return 2 * s.radius_mm; })
       .def_prop_ro("is_wire", [](const InstrumentShape& s) { return !s.has_lumen; })
       .def_prop_ro(
-          "per_mm",
-          [](const InstrumentShape& s) {
-            return instrument_parts(s.nodes_mm, s.has_lumen).front().mu_per_mm;
-          },
+          "per_mm", [](const InstrumentShape& s) { return instrument_parts(s).front().mu_per_mm; },
           "The attenuation of its shaft, 1/mm.")
       .def("__repr__", [](const InstrumentShape& s) {
         return fmt::format("<xraycast.InstrumentShape of {:.2f} mm{}>", 2 * s.radius_mm,

@@ -6,12 +6,12 @@ exp(-tau). Every long call takes `progress`, a callable (fraction, stage) or tqd
 """
 from . import similarity as similarity
 from ._core import (Basis, BloodFlow, BodyMap, Catheter, CatheterState, CoaxialInstruments, Comparison, EditedVessels, Exposure, Fluoroscope, Frame,
-                    Frames, Implant, InstrumentShape, Mesh, Motion, Opacity, RegisteredView, Registration, Run, Scan, VesselBranch, Vessels,
+                    Frames, Implant, InstrumentShape, Marker, Mesh, Motion, Opacity, RegisteredView, Registration, Run, Scan, VesselBranch, Vessels,
                     VesselTree, __version__, compare, convert, devices, edit, export, flow, open, phantom, register, simulate, track,
                     use_device, vessels)
 from ._errors import DeviceError, Error, InputError
 
 __all__ = ["Basis", "BloodFlow", "BodyMap", "Catheter", "CatheterState", "CoaxialInstruments", "Comparison", "DeviceError", "EditedVessels", "Error",
-           "Exposure", "Fluoroscope", "Frame", "Frames", "Implant", "InputError", "InstrumentShape", "Mesh", "Motion", "Opacity", "RegisteredView", "Registration",
+           "Exposure", "Fluoroscope", "Frame", "Frames", "Implant", "InputError", "InstrumentShape", "Marker", "Mesh", "Motion", "Opacity", "RegisteredView", "Registration",
            "Run", "Scan", "VesselBranch", "VesselTree", "Vessels", "compare", "convert", "devices", "edit", "export", "flow", "open", "phantom",
            "register", "simulate", "track", "use_device", "vessels"]

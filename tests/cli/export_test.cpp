@@ -193,13 +193,13 @@ TEST_F(Export, SimulatesAWireInACatheter) {
   const Json header = header_of(written(pair + "pair.html", "pair.html")),
              &instruments = header["run"]["instruments"];
   ASSERT_EQ(instruments.size(), 2u);
-  EXPECT_EQ(instruments[0]["parts"].size(), 1u);
+  EXPECT_EQ(instruments[0]["parts"].size(), 2u);
   EXPECT_EQ(instruments[1]["parts"].size(), 2u);
   for (const char* shapes : {"shapes_0_0", "shapes_1_1"})
     EXPECT_GT(header["parts"][shapes][1].get<int>(), 4 * 20)
         << shapes;  // at 4 pictures, points of some bytes
   EXPECT_THAT(written(pair + "pair.glb", "pair.glb"),
-              HasSubstr(instruments[1]["name"].get<std::string>() + ", tip"));
+              HasSubstr(instruments[1]["name"].get<std::string>() + ", marker 1"));
 }
 
 TEST_F(Export, KeepsEveryInstrumentOfASession) {
@@ -211,7 +211,7 @@ TEST_F(Export, KeepsEveryInstrumentOfASession) {
                    {{"nodes_mm", nodes}, {"radius_mm", 0.4}, {"has_lumen", false}}}},
                  {"road_map", false}});
   const Json header = header_of(written("--session @/session.json -o @/page.html", "page.html"));
-  ASSERT_EQ(header["catheters"].size(), 3u);  // the wire's tip is denser
+  ASSERT_EQ(header["catheters"].size(), 3u);  // the wire has the usual coil
   EXPECT_GT(header["catheters"][2]["mu_per_mm"], header["catheters"][1]["mu_per_mm"]);
 }
 

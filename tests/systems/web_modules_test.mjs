@@ -28,7 +28,7 @@ const { Lattice } = await module_of("moving_lattice.ts");
 const { ShownPhases } = await module_of("motion_player.ts");
 const { TraceLog } = await module_of("traces.ts");
 const { Store, first_state } = await module_of("state.ts");
-const { picture_at, shown_time_s } = await module_of("instrument_shape.ts");
+const { picture_at, shown_time_s, surfaces_of } = await module_of("instrument_shape.ts");
 const { step_s } = await module_of("run_player.ts");
 const { view_of } = await module_of("c_arm_pose.ts");
 const { pixel_on_detector_mm, shown_at, source_mm } = await module_of("view.ts");
@@ -228,6 +228,22 @@ test("an instrument of several pixels' width is drawn as it is", () => {
   assert.ok(widening_of(rod(kWire_mm, 0), view).factor > 1);
 });
 
+test("a marker absorbs by the chord through its wall", () => {
+  const radius_mm = 0.45, inner_radius_mm = 0.4, body = 0.5, metal = 8;
+  const line = (low, high) => Array.from({ length: 4 }, (_, i) => [0, 0, low + ((high - low) * i) / 3]);
+  const instrument = { name: "a", radius_mm, parts: [{ mu_per_mm: body, colour: [1, 1, 1], inner_radius_mm: 0 }, { mu_per_mm: metal, colour: [1, 1, 1], inner_radius_mm }] };
+  const surfaces = surfaces_of(instrument, [line(-30, 30), line(-0.5, 0.5)]);
+  const view = { lao_rad: 0, cranial_rad: 0, cone: null, centre_mm: [0, 0, 0], width: 161, height: 41, pixel_mm: 0.02 };
+  const { y, width, x, tau } = absorbed_by(surfaces, view), row = tau.subarray((20 - y) * width, (21 - y) * width);
+  const chord = (radius_mm, x_mm) => 2 * Math.sqrt(Math.max(0, radius_mm ** 2 - x_mm ** 2));
+  const closed = (x_mm) => metal * (chord(radius_mm, x_mm) - chord(inner_radius_mm, x_mm)) + body * chord(inner_radius_mm, x_mm);
+  // Sixteen flat sides: the wall is thinner by up to a fiftieth, of the cross-section there is 0.974.
+  assert.ok(Math.abs(row[80 - x] / closed(0) - 1) < 0.04, `${row[80 - x]}, not ${closed(0)}`);
+  const sum = row.reduce((sum, tau) => sum + tau, 0), wanted = Array.from({ length: 161 }, (_, i) => closed(0.02 * (i - 80))).reduce((sum, tau) => sum + tau, 0);
+  assert.ok(Math.abs(sum / wanted - 0.974) < 0.01, `${sum / wanted}`);
+  assert.deepEqual(surfaces_of(instrument, [line(-30, 30), []]).length, 1); // it has yet to enter
+});
+
 /** As viewer/xraycast/serving/browser_message.cpp writes it. */
 function live_bytes(has_body = true) {
   const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 2 + 1 + 1 + 6) + 4 * 3 + 4 * (has_body ? 1 + 2 + 2 * 6 + 2 + 3 : 1)));
@@ -392,6 +408,8 @@ test("what the program and the page both say is the same", () => {
   assert.match(text("src/shaders/columns.glsl"), new RegExp(`place & ${angles}, layer = place >> ${Math.log2(angles + 1)};`));
   const viewer = "../viewer/xraycast/scene/catheter_surface.cpp", image = "../host/xraycast/base/image.cpp";
   for (const [there, in_viewer, here, in_page] of [
+    [viewer, /kBandRingsPerNode = (\d+)/, "instrument_shape.ts", /kBandRingsPerPoint = (\d+)/],
+    ["../viewer/xraycast/scene/catheter_surface.hpp", /kBandSides = (\d+)/, "instrument_shape.ts", /kBandSides = (\d+)/],
     [viewer, /kRingsPerNode = (\d+)/, "instrument_shape.ts", /kRingsPerPoint = (\d+)/], [viewer, /kSides = (\d+)/, "instrument_shape.ts", /kSides = (\d+)/],
     ["../viewer/xraycast/scene/thin_tube.hpp", /kLeastRadius_pixels = ([\d.]+)/, "thin_tube.ts", /kLeastRadius_pixels = ([\d.]+)/],
     [image, /kHeadroom = ([\d.]+)/, "grey_window.ts", /kHeadroom = ([\d.]+)/], [image, /kMatter = ([\d.]+)/, "grey_window.ts", /kMatter = ([\d.]+)/],

@@ -17,7 +17,10 @@ TEST(SessionFile, KeepsTheInstrumentsThatWereSteered) {
   const TemporaryFolder folder;
   ViewSession session;
   session.steered = {{{{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 12}}, 0.825, true},
-                      {{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 19}}, 0.445, false}},
+                      {{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 19}},
+                       0.445,
+                       false,
+                       {{}, {.material = "gold", .from_tip_mm = 2, .length_mm = 3, .thickness_mm = 0.1}}}},
                      false};
   session.pose.rotate(30);
   write_session(session, folder / "s.json");
@@ -67,6 +70,24 @@ TEST(SessionFile, ReadsTheOneCatheterOfAnOlderSession) {
   write_whole_file(folder / "s.json", text);
   const SteeredInstruments expected{{{{{1, 2, 3}}, 0.825, true}}, true};
   EXPECT_EQ(read_session(folder / "s.json").steered, expected);
+}
+
+TEST(SessionFile, GivesAnOlderSessionsWireItsCoil) {
+  const TemporaryFolder folder;
+  write_session({}, folder / "s.json");
+  std::string text = read_whole_file(folder / "s.json");
+  text.insert(
+      text.find("\"camera\""),
+      R"("simulation": {"devices": [{"nodes_mm": [[1, 2, 3]], "radius_mm": 0.4, "has_lumen": false}], "road_map": true}, )");
+  write_whole_file(folder / "s.json", text);
+  EXPECT_EQ(read_session(folder / "s.json").steered->instruments[0].markers, usual_markers(0.4, 0, 1000));
+  text.replace(
+      text.find("\"has_lumen\""), 0,
+      R"("markers": [{"material": "lead", "from_tip_mm": 0, "length_mm": 1, "thickness_mm": 0.1}], )");
+  write_whole_file(folder / "s.json", text);
+  EXPECT_THAT([&] { read_session(folder / "s.json"); },
+              testing::ThrowsMessage<InputError>(
+                  testing::HasSubstr("devices[0]: markers[0]: \"material\" is lead; must be platinum")));
 }
 
 TEST(SessionFile, RefusesMoreInstrumentsThanCanBeSteered) {

@@ -66,20 +66,16 @@ TEST(BalloonSurface, IsAsWideAsItIsFilled) {
   const std::vector<Surface> folded = balloon_surfaces(nodes_mm, model, {}),
                              filled = balloon_surfaces(nodes_mm, model, {.bar = 8}),
                              carried = balloon_surfaces(nodes_mm, model, {.bar = 8, .carries_stent = true});
-  ASSERT_EQ(folded.size(), 3u);
-  EXPECT_TRUE(folded[2].mesh.points_mm.empty());
+  ASSERT_EQ(folded.size(), 1u);
+  EXPECT_TRUE(folded[0].mesh.points_mm.empty());
   for (const Surface& surface : filled) check(surface);
-  EXPECT_NEAR(width_mm(filled[2]), 6, 0.01);
+  EXPECT_NEAR(width_mm(filled[0]), 6, 0.01);
   // 20 mm of cylinder, whose middle is 18 mm from the tip at 120 mm, and cones.
   double middle_mm = 0;
-  for (const glm::vec3& point : filled[2].mesh.points_mm) middle_mm += point.z;
-  EXPECT_NEAR(middle_mm / static_cast<double>(filled[2].mesh.points_mm.size()), 102, 0.1);
-  // A marker at either end of it, a millimetre long.
-  EXPECT_NEAR(filled[0].mesh.points_mm.front().z, 112, 0.6 + 0.83);
-  EXPECT_NEAR(filled[1].mesh.points_mm.front().z, 92, 0.6 + 0.83);
-  EXPECT_GT(filled[0].mu_per_mm, filled[2].mu_per_mm);
-  EXPECT_GT(carried.size(), 3u);
-  EXPECT_NEAR(width_mm(carried[3]), 6.24, 0.3);
+  for (const glm::vec3& point : filled[0].mesh.points_mm) middle_mm += point.z;
+  EXPECT_NEAR(middle_mm / static_cast<double>(filled[0].mesh.points_mm.size()), 102, 0.1);
+  EXPECT_GT(carried.size(), 1u);
+  EXPECT_NEAR(width_mm(carried[1]), 6.24, 0.3);
   EXPECT_TRUE(balloon_surfaces(nodes_mm, InstrumentModel::named("cobra-5f"), {}).empty());
 }
 

@@ -283,7 +283,7 @@ TEST(WebPage, HoldsItsPartsInOneDeflatedStream) {
   EXPECT_EQ(header["title"], session.title);
   ASSERT_EQ(header["run"]["instruments"].size(), 2u);
   EXPECT_EQ(header["run"]["instruments"][1]["torque_mNm"][0], 1);
-  // A wire's shaft, and its tip, which is denser.
+  // A wire's core, and the coil around its tip, which is denser.
   const auto& wire = header["run"]["instruments"][1]["parts"];
   ASSERT_EQ(wire.size(), 2u);
   EXPECT_GT(wire[1]["mu_per_mm"], wire[0]["mu_per_mm"]);

@@ -10,7 +10,7 @@ sources="
   host/xraycast/geometry/branch_names host/xraycast/geometry/nurbs_curve host/xraycast/geometry/segment_index host/xraycast/geometry/tube host/xraycast/geometry/vessel_tree
   host/xraycast/motion/body_clock host/xraycast/motion/displacement host/xraycast/motion/motion host/xraycast/motion/motion_mode
   host/xraycast/projection/view
-  simulation/xraycast/mechanics/balloon_model simulation/xraycast/mechanics/block_band_matrix simulation/xraycast/mechanics/instrument_model simulation/xraycast/mechanics/rod
+  simulation/xraycast/mechanics/balloon_model simulation/xraycast/mechanics/block_band_matrix simulation/xraycast/mechanics/instrument_model simulation/xraycast/mechanics/marker_model simulation/xraycast/mechanics/rod
   simulation/xraycast/mechanics/rod_derivatives simulation/xraycast/mechanics/rod_system simulation/xraycast/mechanics/stent_model
   simulation/xraycast/catheter/hub simulation/xraycast/catheter/lumen_distance_field simulation/xraycast/catheter/lumen_profile
   simulation/xraycast/catheter/moving_body

@@ -54,7 +54,8 @@ interface Matter {
 export interface InstrumentHeader {
   name: string;
   radius_mm: number;
-  parts: { mu_per_mm: number; colour: Vec3 }[];
+  /** Its tubing or core, and its markers, bands around the instrument. */
+  parts: { mu_per_mm: number; colour: Vec3; inner_radius_mm: number }[]; // 0: a tube
 }
 
 interface RunInstrumentHeader extends InstrumentHeader {

@@ -1,9 +1,9 @@
 // Instruments as surfaces: a tube about the curve of each part. Those of a run at a time.
 import type { InstrumentHeader, Run, Surface } from "./data";
-import { curve_points, tube } from "./mesh";
+import { band, curve_points, tube } from "./mesh";
 import { Vec3, length, minus } from "./vectors";
 
-const kRingsPerPoint = 3, kSides = 8;
+const kRingsPerPoint = 3, kSides = 8, kBandRingsPerPoint = 2, kBandSides = 16;
 
 /** The picture of the run at a time. */
 export const picture_at = (run: Run, time_s: number): number =>
@@ -28,9 +28,12 @@ export function fullest_s(run: Run): number {
 
 /** The parts of an instrument, with the control points of each; without those that are shorter than a curve takes. */
 export function surfaces_of({ radius_mm, parts }: InstrumentHeader, controls_mm: readonly (readonly Vec3[])[]): Surface[] {
-  return parts.flatMap((part, p) => {
+  return parts.flatMap(({ mu_per_mm, colour, inner_radius_mm }, p): Surface[] => {
     const controls = controls_mm[p] ?? [];
-    return controls.length < 4 ? [] : [{ ...part, mesh: tube(curve_points(controls, kRingsPerPoint), radius_mm, kSides), is_closed: true, tube_sides: kSides }];
+    if (controls.length < 4) return [];
+    const mesh = p === 0 ? tube(curve_points(controls, kRingsPerPoint), radius_mm, kSides)
+      : band(curve_points(controls, kBandRingsPerPoint), radius_mm, inner_radius_mm, kBandSides);
+    return [{ mu_per_mm, colour, mesh, is_closed: true, tube_sides: p === 0 ? kSides : kBandSides }];
   });
 }
 

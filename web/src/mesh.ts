@@ -80,25 +80,41 @@ function transported(v: Vec3, from: Vec3, to: Vec3): Vec3 {
   return add(add(v, turned), times(1 / (1 + cosine), cross(axis, turned)));
 }
 
-/** A tube around a line of two points or more, with a cone of one radius at either end. */
-export function tube(points: readonly Vec3[], radius_mm: number, sides: number): Mesh {
-  const at: number[] = [], triangles: number[] = [];
+/** The cross-sections of a line of two points or more. */
+interface Section {
+  at: Vec3;
+  tangent: Vec3;
+  normal: Vec3;
+}
+
+function sections_of(points: readonly Vec3[]): Section[] {
   const directions = points.slice(1).map((p, k) => normalized(minus(p, points[k]!)));
   let tangent = directions[0]!, normal = any_perpendicular(tangent);
-  at.push(...minus(points[0]!, times(radius_mm, tangent)));
-  points.forEach((point, k) => {
+  return points.map((at, k) => {
     const before = directions[Math.max(0, k - 1)]!, after = directions[Math.min(k, directions.length - 1)]!;
     const sum = add(before, after), next = length(sum) > 1e-6 ? normalized(sum) : after;
     normal = transported(normal, tangent, next);
     normal = normalized(minus(normal, times(dot(normal, next), next)));
     tangent = next;
-    const binormal = cross(tangent, normal);
-    for (let i = 0; i < sides; ++i) {
-      const angle = (2 * Math.PI * i) / sides;
-      at.push(...add(point, times(radius_mm, add(times(Math.cos(angle), normal), times(Math.sin(angle), binormal)))));
-    }
+    return { at, tangent, normal };
   });
-  at.push(...add(points[points.length - 1]!, times(radius_mm, tangent)));
+}
+
+function ring_of({ at, tangent, normal }: Section, radius_mm: number, sides: number): number[] {
+  const binormal = cross(tangent, normal), points: number[] = [];
+  for (let i = 0; i < sides; ++i) {
+    const angle = (2 * Math.PI * i) / sides;
+    points.push(...add(at, times(radius_mm, add(times(Math.cos(angle), normal), times(Math.sin(angle), binormal)))));
+  }
+  return points;
+}
+
+/** A tube around a line of two points or more, with a cone of one radius at either end. */
+export function tube(points: readonly Vec3[], radius_mm: number, sides: number): Mesh {
+  const sections = sections_of(points), first = sections[0]!, last = sections[sections.length - 1]!, triangles: number[] = [];
+  const at = [...minus(first.at, times(radius_mm, first.tangent))];
+  for (const section of sections) at.push(...ring_of(section, radius_mm, sides));
+  at.push(...add(last.at, times(radius_mm, last.tangent)));
   const last_pole = at.length / 3 - 1, last_ring = last_pole - sides;
   for (let i = 0; i < sides; ++i) {
     const next = (i + 1) % sides;
@@ -109,5 +125,19 @@ export function tube(points: readonly Vec3[], radius_mm: number, sides: number):
     }
     triangles.push(last_pole, last_ring + i, last_ring + next);
   }
+  return { points_mm: Float32Array.from(at), triangles: Uint32Array.from(triangles) };
+}
+
+/** A marker's band: the wall between two radii about a line, with flat ends. Its points are a tube's, but no triangle has its poles. */
+export function band(points: readonly Vec3[], radius_mm: number, inner_radius_mm: number, sides: number): Mesh {
+  const sections = sections_of(points), rings = 2 * sections.length, at = [...points[0]!], triangles: number[] = [];
+  for (const section of sections) at.push(...ring_of(section, radius_mm, sides));
+  for (const section of [...sections].reverse()) at.push(...ring_of(section, inner_radius_mm, sides));
+  at.push(...points[0]!);
+  for (let ring = 0; ring < rings; ++ring)
+    for (let i = 0; i < sides; ++i) {
+      const next = (i + 1) % sides, below = 1 + ring * sides, above = 1 + ((ring + 1) % rings) * sides;
+      triangles.push(below + i, below + next, above + next, below + i, above + next, above + i);
+    }
   return { points_mm: Float32Array.from(at), triangles: Uint32Array.from(triangles) };
 }

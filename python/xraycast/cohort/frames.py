@@ -15,7 +15,6 @@ LAO_DEG, CRANIAL_DEG = 90, 40  # random poses lie within these on either side
 MOST_CONTRAST_PER_MM = 0.03  # of optical depth: some 15 mg of iodine per ml at 80 kV
 SPEED_MM_PER_MS = 0.1
 VESSEL, CATHETER = 1, 2
-CATEGORIES = [{"id": VESSEL, "name": "vessel"}, {"id": CATHETER, "name": "catheter", "keypoints": ["tip"], "skeleton": []}]
 
 
 def write_frames(scan, folder, options, vessels, name):
@@ -25,7 +24,7 @@ def write_frames(scan, folder, options, vessels, name):
     lengths = _vessel_lengths(scan, vessels)
     run = CatheterRun(vessels.tree, options.catheter, options.frames, random) if options.catheter else None
     document = {"info": {"scan": name, "seed": options.seed, "version": _core.__version__},
-                "images": [], "annotations": [], "categories": CATEGORIES}
+                "images": [], "annotations": [], "categories": _categories(len(run.shape.markers) if run else 0)}
     for number, (lao, cranial) in enumerate(_poses(options, random)):
         frame = scan.project(lao=lao, cranial=cranial, size=options.size, cone_mm=CONE_MM, opacity=options.opacity)
         picture = Picture(frame, random)
@@ -36,6 +35,11 @@ def write_frames(scan, folder, options, vessels, name):
         picture.write(folder / f"{number:04}.png")
         picture.describe(document, number, f"{number:04}.png")
     (folder / "coco.json").write_text(json.dumps(document) + "\n", encoding="utf-8")
+
+
+def _categories(markers):
+    keypoints = ["tip", *(f"marker {number}" for number in range(1, markers + 1))]
+    return [{"id": VESSEL, "name": "vessel"}, {"id": CATHETER, "name": "catheter", "keypoints": keypoints, "skeleton": []}]
 
 
 def _poses(options, random):
@@ -63,11 +67,15 @@ class CatheterRun:
         self._insertions_mm = iter(np.sort(random.uniform(0.1, 0.9, frames)) * most_mm)
         self._random = random
 
+    @property
+    def shape(self):
+        return self._catheter.shape
+
     def next_shape(self):
         push_mm = next(self._insertions_mm) - self._catheter.state.insertion_mm
         turn_deg = self._random.uniform(-90, 90)
         self._catheter.step(push_mm=max(0.0, push_mm), turn_deg=turn_deg, ms=max(100, int(push_mm / SPEED_MM_PER_MS)))
-        return self._catheter.shape
+        return self.shape
 
 
 def longest_way_mm(tree):
@@ -103,10 +111,18 @@ class Picture:
     def add_instrument(self, instrument):
         depths = self._frame.absorption(instruments=instrument)
         self._tau += depths
-        tip = project_points(instrument.nodes_mm[-1:], self._K, self._RT)[0]
-        is_seen = 0 <= round(tip[0]) < self._tau.shape[1] and 0 <= round(tip[1]) < self._tau.shape[0]
-        keypoints = [round(float(tip[0]), 2), round(float(tip[1]), 2), 2 if is_seen else 0]
-        self._labels.append((CATHETER, depths > 0, {"keypoints": keypoints, "num_keypoints": int(is_seen)}))
+        points_mm = np.concatenate([instrument.nodes_mm[-1:], instrument.marker_middles_mm])
+        keypoints = [self._keypoint(point_mm) for point_mm in points_mm]
+        self._labels.append((CATHETER, depths > 0, {"keypoints": [number for point in keypoints for number in point],
+                                                    "num_keypoints": sum(seen > 0 for _, _, seen in keypoints)}))
+
+    def _keypoint(self, point_mm):
+        """COCO's: column, row, and 2 where it is in the picture; 0, 0, 0 of what has yet to enter the body."""
+        if np.isnan(point_mm).any():
+            return [0, 0, 0]
+        column, row, _ = project_points(point_mm[None], self._K, self._RT)[0]
+        is_seen = 0 <= round(column) < self._tau.shape[1] and 0 <= round(row) < self._tau.shape[0]
+        return [round(float(column), 2), round(float(row), 2), 2 if is_seen else 0]
 
     def write(self, path):
         """Logarithmic, as fluoroscopes show it: grey values fall with the optical depth, over the range that the body has."""

@@ -162,6 +162,34 @@ std::optional<StentModel> stent_of(const Json& json, const std::string& origin) 
                     .strut_mm = number(stent, where, "strut_mm")};
 }
 
+/// None where a file says nothing of them.
+std::optional<std::vector<MarkerModel>> markers_of(const Json& json, const std::string& origin) {
+  if (!json.contains("markers")) return {};
+  if (!json["markers"].is_array())
+    throw InputError("{}: \"markers\" must be a list of objects, or [] for none", origin);
+  std::vector<MarkerModel> markers;
+  for (const Json& part : json["markers"]) {
+    const std::string where = fmt::format("{}: markers[{}]", origin, markers.size());
+    if (!part.is_object()) throw InputError("{}: not an object", where);
+    MarkerModel marker;
+    if (part.contains("material")) {
+      if (!part["material"].is_string()) throw InputError("{}: \"material\" is not a name", where);
+      marker.material = part["material"].get<std::string>();
+    }
+    marker.from_tip_mm = number(part, where, "from_tip_mm", marker.from_tip_mm);
+    marker.length_mm = number(part, where, "length_mm");
+    marker.thickness_mm = number(part, where, "thickness_mm", marker.thickness_mm);
+    markers.push_back(std::move(marker));
+  }
+  return markers;
+}
+
+double length_of(const std::vector<InstrumentSection>& sections) {
+  double length_mm = 0;
+  for (const InstrumentSection& section : sections) length_mm += section.length_mm;
+  return length_mm;
+}
+
 void check_stent(const InstrumentModel::Properties& p, const std::string& origin) {
   if (!p.stent) return;
   if (!p.balloon) throw InputError("{}: stent: there is no \"balloon\" to open it; give one", origin);
@@ -204,6 +232,7 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
   }
   check(length_mm_, length_mm_ <= 5000, origin, "length_mm", "that is more than 5 m in all");
   check_stent(p, origin);
+  xraycast::check(p.markers, p.radius_mm, p.inner_radius_mm, length_mm_, origin);
   if (!p.balloon) return;
   xraycast::check(*p.balloon, 2 * p.radius_mm, origin);
   if (p.balloon->from_tip_mm + p.balloon->length_mm > length_mm_)
@@ -246,6 +275,10 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
   }
   p.balloon = balloon_of(json, origin);
   p.stent = stent_of(json, origin);
+  if (auto markers = markers_of(json, origin))
+    p.markers = *std::move(markers);
+  else
+    p.markers = usual_markers(p.radius_mm, p.inner_radius_mm, length_of(p.sections), p.balloon);
   return InstrumentModel(std::move(p), origin);
 }
 

@@ -65,8 +65,11 @@ def test_labels_lie_on_what_they_label(frames):
         image = labels["images"][annotation["image_id"]]
         mask = decoded(annotation)
         if annotation["category_id"] == 2:
-            column, row, _ = annotation["keypoints"]
-            assert mask[round(row), round(column)]
+            keypoints = np.reshape(annotation["keypoints"], (-1, 3))
+            assert len(keypoints) == len(labels["categories"][1]["keypoints"]) == 2  # the tip, and the middle of its coil
+            assert annotation["num_keypoints"] == (keypoints[:, 2] > 0).sum() > 0
+            for column, row, seen in keypoints:
+                assert seen == 0 or mask[round(row), round(column)]
         else:
             K, RT = np.array(image["K"]), np.array(image["RT"])
             for column, row, _ in project_points(np.array([[-2.0, -2.0, z] for z in (-20, 0, 20)]), K, RT):

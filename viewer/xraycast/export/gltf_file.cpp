@@ -190,12 +190,15 @@ Mesh c_arm_mesh(const View& pose) {
 /// Where a run's instruments end.
 void add_instruments(const RecordedRun& run, GltfScene& scene) {
   for (const RecordedRun::Instrument& instrument : run.instruments) {
-    const std::vector<InstrumentPart> parts = instrument_parts({}, instrument.has_lumen);
+    const std::vector<InstrumentPart> parts = instrument_parts(instrument.look);
     for (std::size_t p = 0; p < parts.size(); ++p)
-      if (const std::vector<glm::dvec3>& controls_mm = instrument.parts[p].back(); !controls_mm.empty())
-        scene.add(parts.size() == 1 ? instrument.name : instrument.name + (p == 0 ? ", shaft" : ", tip"),
-                  tube_mesh(NurbsCurve::cubic(controls_mm, instrument.name), instrument.radius_mm),
+      if (const std::vector<glm::dvec3>& controls_mm = instrument.parts[p].back(); !controls_mm.empty()) {
+        const NurbsCurve curve = NurbsCurve::cubic(controls_mm, instrument.name);
+        scene.add(p == 0 ? instrument.name : instrument.name + ", marker " + std::to_string(p),
+                  p == 0 ? tube_mesh(curve, instrument.look.radius_mm)
+                         : band_mesh(curve, instrument.look.radius_mm, parts[p].inner_radius_mm),
                   parts[p].colour);
+      }
   }
 }
 

@@ -7,17 +7,17 @@
 
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace xraycast {
 
 RecordedRun RecordedRun::of(const std::vector<InstrumentModel>& models) {
   RecordedRun run;
   for (const InstrumentModel& model : models) {
-    const bool has_lumen = model.inner_radius_mm() > 0;
-    run.instruments.push_back({.name = model.name(),
-                               .radius_mm = model.radius_mm(),
-                               .has_lumen = has_lumen,
-                               .parts = std::vector<Shapes>(instrument_parts({}, has_lumen).size())});
+    SteeredInstruments::Instrument look = drawn(model);
+    const std::size_t parts = instrument_parts(look).size();
+    run.instruments.push_back(
+        {.name = model.name(), .look = std::move(look), .parts = std::vector<Shapes>(parts)});
   }
   return run;
 }
@@ -30,9 +30,9 @@ void RecordedRun::record(const Instruments& moved, double time_s) {
   for (std::size_t d = 0; d < instruments.size(); ++d) {
     Instrument& instrument = instruments[d];
     moved.copy_nodes(d, nodes_mm);
-    const std::vector<InstrumentPart> parts = instrument_parts(nodes_mm, instrument.has_lumen);
-    for (std::size_t p = 0; p < parts.size(); ++p)
-      instrument.parts[p].push_back(controls_of(parts[p].nodes_mm));
+    const std::vector<std::vector<glm::dvec3>> lengths_mm = lengths_of(nodes_mm, instrument.look.markers);
+    for (std::size_t p = 0; p < lengths_mm.size(); ++p)
+      instrument.parts[p].push_back(controls_of(lengths_mm[p]));
     instrument.loads.push_back(moved.load(d));
   }
 }

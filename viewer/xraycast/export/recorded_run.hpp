@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/scene/session_file.hpp"
 #include "xraycast/simulation/run.hpp"
 
 #include <glm/vec3.hpp>
@@ -21,9 +22,8 @@ struct RecordedRun {
 
   struct Instrument {
     std::string name;
-    double radius_mm = 1;
-    bool has_lumen = true;
-    std::vector<Shapes> parts{};  ///< one for each of instrument_parts
+    SteeredInstruments::Instrument look{};  ///< without nodes
+    std::vector<Shapes> parts{};            ///< one for each of instrument_parts
     std::vector<HubLoad> loads{};
   };
 

@@ -183,11 +183,13 @@ PageJson add_catheters(const ExportRequest& session, Parts& parts) {
 }
 
 /// An instrument as it is drawn, wherever it is.
-PageJson instrument_json(const std::string& name, double radius_mm, bool has_lumen) {
+PageJson instrument_json(const std::string& name, const SteeredInstruments::Instrument& look) {
   PageJson parts = PageJson::array();
-  for (const InstrumentPart& part : instrument_parts({}, has_lumen))
-    parts.push_back({{"mu_per_mm", part.mu_per_mm}, {"colour", list(part.colour)}});
-  return {{"name", shown_name(name)}, {"radius_mm", radius_mm}, {"parts", parts}};
+  for (const InstrumentPart& part : instrument_parts(look))
+    parts.push_back({{"mu_per_mm", part.mu_per_mm},
+                     {"colour", list(part.colour)},
+                     {"inner_radius_mm", part.inner_radius_mm}});
+  return {{"name", shown_name(name)}, {"radius_mm", look.radius_mm}, {"parts", parts}};
 }
 
 /// Four digits behind the point are finer than a chart shows.
@@ -206,7 +208,7 @@ PageJson add_run(const ExportRequest& session, Parts& parts) {
     for (std::size_t p = 0; p < instrument.parts.size(); ++p)
       parts.add(fmt::format("shapes_{}_{}", instruments.size(), p),
                 pack_shapes(instrument.parts[p], kUnit_mm));
-    PageJson json = instrument_json(instrument.name, instrument.radius_mm, instrument.has_lumen);
+    PageJson json = instrument_json(instrument.name, instrument.look);
     json["force_N"] = rounded(instrument.loads, &HubLoad::force_N, 1);
     json["torque_mNm"] = rounded(instrument.loads, &HubLoad::torque_Nm, 1000);
     instruments.push_back(std::move(json));
@@ -221,7 +223,7 @@ PageJson add_run(const ExportRequest& session, Parts& parts) {
 PageJson instruments_json(const std::vector<InstrumentModel>& models) {
   PageJson instruments = PageJson::array();
   for (const InstrumentModel& model : models)
-    instruments.push_back(instrument_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
+    instruments.push_back(instrument_json(model.name(), drawn(model)));
   return instruments;
 }
 

@@ -15,9 +15,9 @@ struct BalloonView {
   bool carries_stent = false;
 };
 
-/// The balloon of an instrument along its nodes: the two markers at the ends of its cylinder, rings of
-/// platinum, and the balloon, filled with contrast agent that is diluted by half, which has no points while
-/// it is folded; and the stent that it carries (see stent_surfaces). Nothing for an instrument without one.
+/// The balloon of an instrument along its nodes, filled with contrast agent that is diluted by half, which
+/// has no points while it is folded; and the stent that it carries (see stent_surfaces). Nothing for an
+/// instrument without one.
 std::vector<Surface> balloon_surfaces(const std::vector<glm::dvec3>& nodes_mm,
                                       const InstrumentModel& instrument, const BalloonView& view);
 

@@ -97,10 +97,36 @@ Json steered_to_json(const SteeredInstruments& steered) {
   for (const SteeredInstruments::Instrument& instrument : steered.instruments) {
     Json nodes = Json::array();
     for (const glm::dvec3& node : instrument.nodes_mm) nodes.push_back({node.x, node.y, node.z});
-    instruments.push_back(
-        {{"nodes_mm", nodes}, {"radius_mm", instrument.radius_mm}, {"has_lumen", instrument.has_lumen}});
+    Json markers = Json::array();
+    for (const MarkerModel& marker : instrument.markers)
+      markers.push_back({{"material", marker.material},
+                         {"from_tip_mm", marker.from_tip_mm},
+                         {"length_mm", marker.length_mm},
+                         {"thickness_mm", marker.thickness_mm}});
+    instruments.push_back({{"nodes_mm", nodes},
+                           {"radius_mm", instrument.radius_mm},
+                           {"has_lumen", instrument.has_lumen},
+                           {"markers", markers}});
   }
   return {{"devices", instruments}, {"road_map", steered.has_road_map}};
+}
+
+/// What older sessions lack is as usual; they do not say how long an instrument is, nor how wide its lumen.
+std::vector<MarkerModel> markers_of(const Fields& fields, double radius_mm, bool has_lumen) {
+  constexpr double kLongest_mm = 5000;
+  if (!fields.has("markers")) return usual_markers(radius_mm, has_lumen ? 0.5 * radius_mm : 0, kLongest_mm);
+  const nlohmann::json& list = fields.value("markers");
+  if (!list.is_array()) throw InputError("{}: markers must be a list", fields.name());
+  std::vector<MarkerModel> markers;
+  for (const nlohmann::json& json : list) {
+    const Fields marker(json, fmt::format("{}: markers[{}]", fields.name(), markers.size()));
+    markers.push_back({.material = marker.get<std::string>("material"),
+                       .from_tip_mm = marker.get<double>("from_tip_mm"),
+                       .length_mm = marker.get<double>("length_mm"),
+                       .thickness_mm = marker.get<double>("thickness_mm")});
+  }
+  check(markers, radius_mm, 0, kLongest_mm, fields.name());
+  return markers;
 }
 
 SteeredInstruments::Instrument steered_instrument_of(const Fields& fields) {
@@ -109,6 +135,7 @@ SteeredInstruments::Instrument steered_instrument_of(const Fields& fields) {
     instrument.nodes_mm.emplace_back(x, y, z);
   instrument.radius_mm = fields.number("radius_mm", 0.01, 100);
   instrument.has_lumen = !fields.has("has_lumen") || fields.get<bool>("has_lumen");
+  instrument.markers = markers_of(fields, instrument.radius_mm, instrument.has_lumen);
   return instrument;
 }
 

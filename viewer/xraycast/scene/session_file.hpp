@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/mechanics/marker_model.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/implant.hpp"
@@ -21,7 +22,8 @@ struct SteeredInstruments {
   struct Instrument {
     std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's far end to the tip; see curve_through
     double radius_mm = 1;
-    bool has_lumen = true;  ///< is no wire
+    bool has_lumen = true;                  ///< is no wire
+    std::vector<MarkerModel> markers = {};  ///< as InstrumentModel's
 
     bool operator==(const Instrument&) const = default;
   };

@@ -5,6 +5,7 @@
 #include "xraycast/geometry/moved_vessels.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/script_device.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -177,10 +178,8 @@ std::vector<Surface> Intervention::surfaces_at(double later_s) const {
 
 SteeredInstruments Intervention::steered() const {
   SteeredInstruments steered{.instruments = {}, .has_road_map = has_road_map_};
-  for (std::size_t d = 0; d < nodes_mm_.size(); ++d) {
-    const InstrumentModel& model = (*exposed_)[d];
-    steered.instruments.push_back({nodes_mm_[d], model.radius_mm(), model.inner_radius_mm() > 0});
-  }
+  for (std::size_t d = 0; d < nodes_mm_.size(); ++d)
+    steered.instruments.push_back(drawn((*exposed_)[d], nodes_mm_[d]));
   return steered;
 }
 

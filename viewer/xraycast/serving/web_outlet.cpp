@@ -1,6 +1,5 @@
 #include "xraycast/serving/web_outlet.hpp"
 
-#include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/instrument_curve.hpp"
 
 #include <nlohmann/json.hpp>
@@ -103,9 +102,9 @@ void WebOutlet::take_exposure(const Intervention& intervention) {
   for (std::size_t d = 0; d < steered.instruments.size() && d < message_.instruments.size(); ++d) {
     auto& parts_mm = message_.instruments[d].parts_mm;
     parts_mm.clear();
-    for (const InstrumentPart& part :
-         instrument_parts(steered.instruments[d].nodes_mm, steered.instruments[d].has_lumen))
-      parts_mm.push_back(controls_of(part.nodes_mm));
+    const SteeredInstruments::Instrument& instrument = steered.instruments[d];
+    for (const std::vector<glm::dvec3>& length_mm : lengths_of(instrument.nodes_mm, instrument.markers))
+      parts_mm.push_back(controls_of(length_mm));
   }
   message_.drums_mg_ml = intervention.drums_mg_ml();
   message_.drums_moved_mm = intervention.drums_moved_mm();

@@ -18,7 +18,7 @@ struct BrowserMessage {
     HubLoad load;
     std::size_t tip_branch = 0;  ///< of the vessel tree, and how far along it the tip is
     double tip_along_mm = 0;
-    /// At the last exposure: the control points of each part's curve (see instrument_parts and controls_of).
+    /// At the last exposure: the control points of each part's curve (see lengths_of and controls_of).
     std::vector<std::vector<glm::dvec3>> parts_mm;
   };
 

@@ -165,10 +165,10 @@ void Trainer::expose() {
   std::vector<glm::dvec3> nodes_mm;
   for (std::size_t d = 0; d < instruments_.count(); ++d) {
     instruments_.copy_nodes(d, nodes_mm);
-    const bool has_lumen = setup_.choices[setup_.used[d]].inner_radius_mm() > 0;
+    const std::vector<MarkerModel>& markers = setup_.choices[setup_.used[d]].markers();
     auto& parts_mm = message_.instruments[d].parts_mm;
     parts_mm.clear();
-    for (const std::vector<glm::dvec3>& length_mm : lengths_of(nodes_mm, has_lumen))
+    for (const std::vector<glm::dvec3>& length_mm : lengths_of(nodes_mm, markers))
       parts_mm.push_back(controls_of(length_mm));
   }
   if (body_) {

@@ -47,6 +47,14 @@ void add_model(const InstrumentModel::Properties& p, std::vector<double>& number
     add(section.curvature_per_mm, numbers);
     numbers.push_back(section.plane_rad);
   }
+  const std::vector<std::string>& materials = marker_materials();
+  numbers.push_back(static_cast<double>(p.markers.size()));
+  for (const MarkerModel& marker : p.markers) {
+    const auto material = std::find(materials.begin(), materials.end(), marker.material);
+    numbers.push_back(static_cast<double>(material - materials.begin()));
+    for (const double number : {marker.from_tip_mm, marker.length_mm, marker.thickness_mm})
+      numbers.push_back(number);
+  }
 }
 
 std::shared_ptr<const VesselTree> tree_of(SetupNumbers& numbers) {
@@ -83,6 +91,15 @@ InstrumentModel model_of(SetupNumbers& numbers, const std::string& name) {
     section.torsional_stiffness_Nmm2 = range_of(numbers);
     section.curvature_per_mm = range_of(numbers);
     section.plane_rad = numbers.real();
+  }
+  const std::vector<std::string>& materials = marker_materials();
+  p.markers.resize(numbers.count());
+  for (MarkerModel& marker : p.markers) {
+    const int material = numbers.whole(static_cast<int>(materials.size()) - 1);
+    if (material < 0) throw InputError("{}: {} is no material", kName, material);
+    marker.material = materials[static_cast<std::size_t>(material)];
+    for (double* number : {&marker.from_tip_mm, &marker.length_mm, &marker.thickness_mm})
+      *number = numbers.real();
   }
   return InstrumentModel(std::move(p), name);
 }
