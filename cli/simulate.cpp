@@ -329,7 +329,9 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
       "second instrument also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer. "
       "Balloons,\n"
-      "such as that of balloon-6x20, have the columns inflation_bar and inflation_2_bar.",
+      "such as that of balloon-6x20, have the columns inflation_bar and inflation_2_bar; stents that open\n"
+      "themselves, such as that of stent-self-8x40, have release_mm and release_2_mm: how far the sheath is\n"
+      "drawn back.",
       [options, &invocation] { simulate(*options, invocation); });
   options->command = command;
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")

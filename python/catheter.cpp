@@ -36,7 +36,7 @@ struct State {
 
 /// How far each instrument's hub moves.
 struct HubMoves {
-  std::vector<double> push_mm, turn_rad, inflate_bar;
+  std::vector<double> push_mm, turn_rad, inflate_bar, release_mm;
 };
 
 /// Coaxial instruments, or one alone, moved by one thread at a time.
@@ -63,7 +63,8 @@ class HeldInstruments {
       for (std::size_t d = 0; d < count(); ++d)
         poses[d] = {starts[d].insertion_mm + share * moves.push_mm[d],
                     starts[d].rotation_rad + share * moves.turn_rad[d],
-                    starts[d].inflation_bar + share * moves.inflate_bar[d]};
+                    starts[d].inflation_bar + share * moves.inflate_bar[d],
+                    starts[d].release_mm + share * moves.release_mm[d]};
       instruments_.step(poses, next_phases());
       monitor_.add(instruments_);
       constexpr std::chrono::milliseconds kLookInterval{50};
@@ -240,6 +241,9 @@ std::vector<State> move_by(HeldInstruments& instruments, HubMoves moves, int ms)
   constexpr int kLongest_ms = 3'600'000;
   if (ms < 1 || ms > kLongest_ms)
     throw InputError("ms {}: must be 1 to {}, whole steps of 1 ms", ms, kLongest_ms);
+  for (const double mm : moves.release_mm)
+    if (mm < 0)
+      throw InputError("release_mm {}: a sheath does not go back over its stent; give 0 or more", mm);
   for (double& angle : moves.turn_rad) angle *= kRadiansPerDegree;
   Progress progress;
   const RunningCall call(progress);
@@ -248,19 +252,23 @@ std::vector<State> move_by(HeldInstruments& instruments, HubMoves moves, int ms)
 }
 
 std::vector<State> move_hubs(HeldInstruments& instruments, const ArrayArgument& push_mm,
-                             const ArrayArgument& turn_deg, int ms, const ArrayArgument& inflate_bar) {
+                             const ArrayArgument& turn_deg, int ms, const ArrayArgument& inflate_bar,
+                             const ArrayArgument& release_mm) {
   return move_by(
       instruments,
       {moves_of(push_mm, instruments.count(), "push_mm"), moves_of(turn_deg, instruments.count(), "turn_deg"),
-       moves_of(inflate_bar, instruments.count(), "inflate_bar")},
+       moves_of(inflate_bar, instruments.count(), "inflate_bar"),
+       moves_of(release_mm, instruments.count(), "release_mm")},
       ms);
 }
 
-State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms, double inflate_bar) {
+State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms, double inflate_bar,
+               double release_mm) {
   if (!std::isfinite(push_mm)) throw InputError("push_mm: must be finite");
   if (!std::isfinite(turn_deg)) throw InputError("turn_deg: must be finite");
   if (!std::isfinite(inflate_bar)) throw InputError("inflate_bar: must be finite");
-  return move_by(catheter.held, {{push_mm}, {turn_deg}, {inflate_bar}}, ms).front();
+  if (!std::isfinite(release_mm)) throw InputError("release_mm: must be finite");
+  return move_by(catheter.held, {{push_mm}, {turn_deg}, {inflate_bar}, {release_mm}}, ms).front();
 }
 
 /// Throws InputError for an instrument that there is not.
@@ -335,6 +343,12 @@ void add_state(nb::module_& module) {
           "balloon_mm", [](const State& s) { return s.record.balloon_mm; },
           "The diameter of its balloon; 0 without one.")
       .def_prop_ro(
+          "release_mm", [](const State& s) { return s.record.pose.release_mm; },
+          "How far the sheath of its stent is drawn back.")
+      .def_prop_ro(
+          "free_rings", [](const State& s) { return s.record.free_rings; },
+          "The rings of the stent in its sheath that are free; None without a sheath.")
+      .def_prop_ro(
           "phases", [](const State& s) { return s.record.phases; },
           "The phases of the motion's modes, in order; none in a still body.")
       .def_prop_ro(
@@ -388,12 +402,14 @@ void add_instruments(nb::module_& module) {
            nb::arg("exercise") = nb::none(),
            "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry, "
            "motion, phase, exercise: as Catheter's.")
-      .def(
-          "step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
-          nb::arg("ms") = 1, nb::kw_only(), nb::arg("inflate_bar") = nb::none(),
-          "Moves each hub by its numbers in push_mm and turn_deg, and changes the pressure of its balloon by "
-          "that in inflate_bar, evenly over `ms` steps of 1 ms, and returns a CatheterState for each "
-          "instrument.")
+      .def("step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
+           nb::arg("ms") = 1, nb::kw_only(), nb::arg("inflate_bar") = nb::none(),
+           nb::arg("release_mm") = nb::none(),
+           "Moves each hub by its numbers in push_mm and turn_deg, changes the pressure of its balloon by "
+           "that "
+           "in inflate_bar, and draws the sheath of its stent back by that in release_mm, evenly over `ms` "
+           "steps "
+           "of 1 ms, and returns a CatheterState for each instrument.")
       .def("hold", hold_mode, nb::arg("mode"), nb::arg("is_held") = true, kHoldHelp)
       .def("report", instruments_report, nb::arg("series") = false, kReportHelp)
       .def_prop_ro("states", &HeldInstruments::states, nb::call_guard<nb::gil_scoped_release>())
@@ -454,9 +470,11 @@ void add_catheter(nb::module_& module) {
            "exercise: a file of a task (docs/exercises.md), which report() tells of, and whose entry is the "
            "default.")
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
-           nb::kw_only(), nb::arg("inflate_bar") = 0.0,
-           "Moves the hub by push_mm and turn_deg, and changes the pressure of its balloon by inflate_bar, "
-           "evenly over `ms` steps of 1 ms, and returns the CatheterState.")
+           nb::kw_only(), nb::arg("inflate_bar") = 0.0, nb::arg("release_mm") = 0.0,
+           "Moves the hub by push_mm and turn_deg, changes the pressure of its balloon by inflate_bar, and "
+           "draws "
+           "the sheath of its stent back by release_mm, evenly over `ms` steps of 1 ms, and returns the "
+           "CatheterState.")
       .def(
           "hold",
           [](HeldCatheter& c, const std::string& mode, bool is_held) { hold_mode(c.held, mode, is_held); },

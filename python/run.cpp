@@ -22,18 +22,20 @@
 namespace xraycast::python {
 namespace {
 
-/// Of a file, or of an array (rows, 1 + 2 instruments), of balloons (rows, 1 + 3 instruments).
+/// Of a file, or of an array (rows, 1 + 2 instruments), of balloons (rows, 1 + 3 instruments), of stents in
+/// sheaths (rows, 1 + 4 instruments).
 Script script_of(const nb::object& script, std::size_t instruments) {
   if (is_path(script)) return Script::read(path_of(script), instruments);
   const Numbers numbers = numbers_of(script, "script");
-  const std::size_t columns = 1 + 2 * instruments, with_balloons = columns + instruments;
+  const std::size_t columns = 1 + 2 * instruments, with_balloons = columns + instruments,
+                    with_sheaths = with_balloons + instruments;
   const std::size_t given = numbers.shape.size() == 2 ? numbers.shape[1] : 0;
-  if (given != columns && given != with_balloons)
+  if (given != columns && given != with_balloons && given != with_sheaths)
     throw InputError(
         "script: must be a file or (rows, {}): time_s, then insertion_mm and rotation_deg of each "
         "instrument; "
-        "or (rows, {}), with inflation_bar too",
-        columns, with_balloons);
+        "or (rows, {}), with inflation_bar too; or (rows, {}), with release_mm as well",
+        columns, with_balloons, with_sheaths);
   const std::size_t of_each = (given - 1) / instruments;
   std::vector<Script::Row> rows(numbers.shape[0]);
   const double* value = numbers.values.data();
@@ -41,8 +43,8 @@ Script script_of(const nb::object& script, std::size_t instruments) {
     row.time_s = *value++;
     row.inner_poses.resize(instruments - 1);
     for (std::size_t d = 0; d < instruments; ++d, value += of_each)
-      (d == 0 ? row.pose : row.inner_poses[d - 1]) = {value[0], value[1] / kDegreesPerRadian,
-                                                      of_each == 3 ? value[2] : 0};
+      (d == 0 ? row.pose : row.inner_poses[d - 1]) = {
+          value[0], value[1] / kDegreesPerRadian, of_each >= 3 ? value[2] : 0, of_each >= 4 ? value[3] : 0};
   }
   return Script::of(std::move(rows), "script", instruments);
 }
@@ -211,7 +213,9 @@ void add_run(nb::module_& module) {
       "script: a CSV file (see `xraycast simulate`), or an array (rows, 1 + 2 instruments): time in s, then "
       "insertion in mm and rotation in degrees of each hub, interpolated linearly; of instruments with "
       "balloons "
-      "(rows, 1 + 3 instruments), with the pressure in bar after each rotation.\n"
+      "(rows, 1 + 3 instruments), with the pressure in bar after each rotation; of stents in sheaths (rows, "
+      "1 + 4 "
+      "instruments), with how far the sheath is drawn back in mm after that.\n"
       "entry: as Catheter's.  interval_s: between records; 0: one for each row of the script.\n"
       "motion: a motion.json, by which the body moves from 0 s on.  phase: a dict of modes that are held, "
       "and "

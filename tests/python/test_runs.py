@@ -242,8 +242,24 @@ def test_exports_a_session_as_it_was_saved(small_map, tmp_path):
     assert header["pose"]["lao_deg"] == pytest.approx(30) and len(header["catheters"]) == 1
 
 
+def test_a_stent_is_released_from_its_sheath(tree):
+    catheter = xc.Catheter(tree, "stent-self-8x40", entry=0)
+    catheter.step(push_mm=100, ms=1000)
+    assert catheter.state.free_rings == 0 and catheter.state.release_mm == 0
+    catheter.step(release_mm=42.3, ms=1000)
+    state = catheter.step(ms=20)  # stents are looked at every 10 ms
+    assert state.free_rings == 16 and state.release_mm == pytest.approx(42.3)
+    treatment, = catheter.report()["treatments"]
+    assert treatment["stent_mm"] == pytest.approx(6.16, abs=0.01) and treatment["oversizing"] == pytest.approx(8 / 6, abs=0.01)
+    with pytest.raises(xc.InputError, match="release_mm -1: a sheath does not go back over its stent; give 0 or more"):
+        catheter.step(release_mm=-1)
+    run = xc.simulate(tree, ["stent-self-8x40"], [(0, 100, 0, 0, 0), (1, 100, 0, 0, 42.3), (1.1, 100, 0, 0, 42.3)], entry=0)
+    assert run.report()["treatments"][0]["stent_mm"] == pytest.approx(treatment["stent_mm"], abs=1e-6)
+    assert xc.Catheter(tree, "cobra-5f").state.free_rings is None
+
+
 def test_bad_arguments_are_named(tree, small_map, tmp_path):
-    for script in ([(0, 0)], [1, 2, 3], [(0, 0, 0, 0, 0)], "no-such.csv"):
+    for script in ([(0, 0)], [1, 2, 3], [(0, 0, 0, 0, 0, 0)], "no-such.csv"):
         with pytest.raises(xc.InputError, match="script|no-such.csv"):
             xc.simulate(tree, ["cobra-5f"], script)
     with pytest.raises(xc.InputError, match="^script: row 2: time_s 0.0 is not later than 0.0, that of row 1|row 1"):

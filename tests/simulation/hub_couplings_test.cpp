@@ -58,17 +58,22 @@ TEST(HubCouplings, TheHandMovesTheHubThatItHolds) {
   EXPECT_NEAR(pair.hubs[1].insertion_mm, 20, kSettled_mm);
 }
 
-TEST(HubCouplings, PassPressuresOn) {
+TEST(HubCouplings, PassPressuresAndSheathsOn) {
   Pair pair;
   pair.couplings.inflate(1, 8);
+  pair.couplings.draw_sheath(0, 20);
   for (const bool is_locked : {false, true}) {
     pair.couplings.lock(is_locked);
     const auto targets = pair.couplings.step(pair.hubs, pair.loads, kStep_s);
     EXPECT_EQ(targets[0].inflation_bar, 0) << is_locked;
     EXPECT_EQ(targets[1].inflation_bar, 8) << is_locked;
+    EXPECT_EQ(targets[0].release_mm, 20) << is_locked;
+    EXPECT_EQ(targets[1].release_mm, 0) << is_locked;
   }
   pair.couplings.replace(1, {}, kLongest_mm);
   EXPECT_EQ(pair.couplings.inflation_bar(1), 0) << "another instrument";
+  pair.couplings.replace(0, {}, kLongest_mm);
+  EXPECT_EQ(pair.couplings.sheath_mm(0), 0) << "another instrument";
 }
 
 TEST(HubCouplings, ALockedValveMovesBothAsTheOneThatIsHeld) {

@@ -1,4 +1,5 @@
-// Random scripts with balloons, in the phantom's vessels and in vessels that are narrowed by chance.
+// Random scripts with balloons and stents, in the phantom's vessels and in vessels that are narrowed by
+// chance.
 #include "run_trees.hpp"
 #include "xraycast/catheter/lumen_profile.hpp"
 #include "xraycast/simulation/run.hpp"
@@ -46,8 +47,11 @@ struct RandomTreatment {
   explicit RandomTreatment(unsigned seed)
       : random(seed),
         tree(narrowed(phantom_tree("thorax"), random)),
-        instruments(tree, {InstrumentModel::named(seed % 3 == 0 ? "balloon-3x15" : "balloon-6x20")},
-                    nearest_end(tree, {-89, -54, -357})) {}
+        instruments(tree, {InstrumentModel::named(device(seed))}, nearest_end(tree, {-89, -54, -357})) {}
+
+  static std::string device(unsigned seed) {
+    return seed % 3 == 0 ? "balloon-3x15" : seed % 3 == 1 ? "balloon-6x20" : "stent-self-8x40";
+  }
 
   void step() {
     const double before_J = instruments.energy_J(), worked_J = instruments.wall_work_J(0);
@@ -66,7 +70,8 @@ struct RandomTreatment {
     const auto uniform = [&](double from, double to) {
       return std::uniform_real_distribution(from, to)(random);
     };
-    const double longest_mm = instruments.max_insertion_mm(0), step_s = instruments.step_s();
+    const double longest_mm = instruments.max_insertion_mm(0), step_s = instruments.step_s(),
+                 sheath_mm = instruments.rod(0).instrument().max_release_mm();
     pose.insertion_mm = uniform(20, 250);
     for (int i = 0; i < 1500; ++i) step();
     for (double left_s = 3; left_s > 0;) {
@@ -74,11 +79,13 @@ struct RandomTreatment {
       const bool inflates = uniform(0, 1) < 0.6;
       const double speed_mm_s = inflates ? uniform(-2, 2) : uniform(-60, 120),
                    turning_rad_s = inflates ? 0 : uniform(-8, 8),
-                   change_bar_s = inflates ? uniform(-4, 10) : -10;
+                   change_bar_s = inflates ? uniform(-4, 10) : -10,
+                   release_mm_s = inflates && sheath_mm > 0 ? uniform(0, 40) : 0;
       for (double t = 0; t < while_s; t += step_s) {
         pose.insertion_mm = std::clamp(pose.insertion_mm + speed_mm_s * step_s, 0.0, longest_mm);
         pose.rotation_rad += turning_rad_s * step_s;
         pose.inflation_bar = std::clamp(pose.inflation_bar + change_bar_s * step_s, 0.0, 14.0);
+        pose.release_mm = std::min(pose.release_mm + release_mm_s * step_s, sheath_mm);
         step();
       }
       left_s -= while_s;
@@ -107,7 +114,7 @@ struct RandomTreatment {
 TEST(RandomTreatments, BreakNothing) {
   const char* wanted = std::getenv("XRAYCAST_RUNS");
   const int runs = wanted ? std::atoi(wanted) : 30;
-  int treatments = 0, yielded = 0;
+  int treatments = 0, yielded = 0, releases = 0;
   for (unsigned seed = 0; seed < static_cast<unsigned>(runs); ++seed) {
     RandomTreatment run(seed);
     run.go();
@@ -118,16 +125,21 @@ TEST(RandomTreatments, BreakNothing) {
     EXPECT_GT(run.patience, 0) << seed << ": it stays caught";
     treatments += static_cast<int>(run.instruments.treatments().list().size());
     for (const Treatment& done : run.instruments.treatments().list()) {
-      EXPECT_TRUE(done.is_over) << seed;
+      EXPECT_TRUE(done.is_over || done.sheathed_rings > 0) << seed;
       EXPECT_GE(done.least_after_mm, done.least_before_mm) << seed;
+      EXPECT_TRUE(std::isfinite(done.stent_mm) && std::isfinite(done.outward_N_mm)) << seed;
+      releases += done.is_release();
       // What it leaves is what it was opened to, less the recoil, where the vessel was narrower.
-      EXPECT_GE(done.least_after_mm, (1 - YieldingWalls::kElasticStrain) * done.opened_mm - 1e-9) << seed;
+      if (!done.is_release()) {
+        EXPECT_GE(done.least_after_mm, (1 - YieldingWalls::kElasticStrain) * done.opened_mm - 1e-9) << seed;
+      }
       yielded += done.least_after_mm > done.least_before_mm;
     }
   }
   // Most scripts inflate where the balloon is out, and some in a vessel that it widens.
   EXPECT_GT(treatments, runs / 2);
   EXPECT_GT(yielded, runs / 10);
+  EXPECT_GT(releases, runs / 10);
 }
 
 TEST(RandomTreatments, AreRepeatedToTheLastBit) {

@@ -406,7 +406,7 @@ TEST(Stent, StaysWhereItsBalloonWasFolded) {
   std::vector<std::pair<double, bool>> carried;
   std::vector<PlacedStent> stents;
   const auto done_run = run_of(request, [&](const Instruments& instruments, double time_s) {
-    carried.emplace_back(time_s, instruments.carries_stent(0));
+    carried.emplace_back(time_s, instruments.carried_rings(0) > 0);
     stents = instruments.treatments().stents();
   });
   for (const auto& [time_s, is_carried] : carried)
@@ -418,7 +418,7 @@ TEST(Stent, StaysWhereItsBalloonWasFolded) {
   EXPECT_FALSE(done_run.treatments[3].stent);
   ASSERT_EQ(stents.size(), 1u);
   EXPECT_NEAR(stents[0].middle_mm, vessel.at_mm, 1.5);
-  EXPECT_NEAR(2 * stents[0].radius_mm, 6.15 * (1 - YieldingWalls::kElasticStrain), 1e-9)
+  EXPECT_NEAR(2 * stents[0].radii_mm[0], 6.15 * (1 - YieldingWalls::kElasticStrain), 1e-9)
       << "opened further, to 6.15 mm";
 }
 

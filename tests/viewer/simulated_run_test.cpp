@@ -122,7 +122,7 @@ TEST(SimulatedRun, ABalloonOpensItsVesselAndLeavesItsStent) {
   run.inflate(0, 0);
   watch(run, 1.1);
   EXPECT_EQ(run.now().balloon_bar, 0);
-  EXPECT_FALSE(run.now().carries_stent);
+  EXPECT_EQ(run.now().carried_rings, 0);
   ASSERT_NE(run.now().treated, nullptr);
   ASSERT_EQ(run.now().treated->stents.size(), 1u);
   const PlacedStent& stent = run.now().treated->stents[0];
@@ -133,6 +133,33 @@ TEST(SimulatedRun, ABalloonOpensItsVesselAndLeavesItsStent) {
       std::ranges::max(recorded.rows(), {}, [](const Script::Row& row) { return row.pose.inflation_bar; })
           .pose.inflation_bar,
       8);
+}
+
+TEST(SimulatedRun, ASheathIsDrawnBackFromItsStent) {
+  VesselBranch branch;
+  for (int i = 0; i <= 120; ++i) branch.points.push_back({{0, 0, 1.0 * i}, 3.5});
+  auto device = std::make_unique<ManualDevice>("keyboard");
+  ManualDevice& hand = *device;
+  SimulatedRun run({.tree = std::make_shared<const VesselTree>(std::vector{branch}, "tube"),
+                    .instruments = instruments_named({"stent-self-8x40"}),
+                    .entry = {glm::dvec3(0)}},
+                   std::move(device));
+  run.start_recording();
+  hand.set_rates(100, 0);
+  watch(run, 0.9);
+  hand.set_rates(0, 0);
+  EXPECT_EQ(run.now().carried_rings, 16);
+  run.draw_sheath(0, 100);
+  watch(run, 1.2);
+  EXPECT_EQ(run.now().carried_rings, 0);
+  ASSERT_NE(run.now().treated, nullptr);
+  ASSERT_EQ(run.now().treated->stents.size(), 1u);
+  EXPECT_EQ(run.now().treated->stents[0].radii_mm.size(), 16u);
+  // The catheter, its markers, and the stent in the vessel.
+  EXPECT_EQ(run.instruments().size(), 1u + 3 + 16 + 15 * 4);
+  const Script recorded = Script::parse(run.stop_recording(), "recording");
+  EXPECT_NEAR(recorded.rows().back().pose.release_mm, run.models()[0].max_release_mm(), 1e-4)
+      << "no further than the stent";
 }
 
 TEST(SimulatedRun, AReplayEndsWhereTheRecordingEnded) {

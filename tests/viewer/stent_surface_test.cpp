@@ -1,14 +1,15 @@
 #include "xraycast/scene/stent_surface.hpp"
 
 #include "xraycast/mechanics/instrument_model.hpp"
-#include "xraycast/scene/balloon_surface.hpp"
 #include "xraycast/scene/scene.hpp"
+#include "xraycast/scene/treating_surface.hpp"
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace xraycast::stent_surface_test {
@@ -16,8 +17,8 @@ namespace {
 
 TEST(StentSurface, LiesOnItsCylinder) {
   const StentModel stent = *InstrumentModel::named("stent-6x18").stent();
-  const std::vector<Surface> surfaces =
-      stent_surfaces(stent, 3, [](double beyond_mm) { return glm::dvec3(1, 2, beyond_mm); });
+  const std::vector<Surface> surfaces = stent_surfaces(
+      stent, std::vector<double>(7, 3), [](double beyond_mm) { return glm::dvec3(1, 2, beyond_mm); });
   ASSERT_EQ(surfaces.size(), static_cast<std::size_t>(stent.rings + (stent.rings - 1) * stent.links));
   float lowest_mm = 0, highest_mm = 0;
   for (const Surface& surface : surfaces) {
@@ -39,8 +40,8 @@ TEST(StentSurface, LiesOnItsCylinder) {
 
 TEST(StentSurface, LinksJoinCrowns) {
   const StentModel stent = *InstrumentModel::named("stent-6x18").stent();
-  const std::vector<Surface> surfaces =
-      stent_surfaces(stent, 3, [](double beyond_mm) { return glm::dvec3(0, 0, beyond_mm); });
+  const std::vector<Surface> surfaces = stent_surfaces(
+      stent, std::vector<double>(7, 3), [](double beyond_mm) { return glm::dvec3(0, 0, beyond_mm); });
   // Ring, three links, ring: the first link's ends lie within a strut's thickness of a point of either ring.
   const auto nearest_mm = [](const Surface& ring, const glm::vec3& point) {
     float nearest = 1e9F;
@@ -63,9 +64,9 @@ TEST(BalloonSurface, IsAsWideAsItIsFilled) {
       widest = std::max(widest, std::hypot(point.x, point.y));
     return 2 * widest;
   };
-  const std::vector<Surface> folded = balloon_surfaces(nodes_mm, model, {}),
-                             filled = balloon_surfaces(nodes_mm, model, {.bar = 8}),
-                             carried = balloon_surfaces(nodes_mm, model, {.bar = 8, .carries_stent = true});
+  const std::vector<Surface> folded = treating_surfaces(nodes_mm, model, {}),
+                             filled = treating_surfaces(nodes_mm, model, {.bar = 8}),
+                             carried = treating_surfaces(nodes_mm, model, {.bar = 8, .carried_rings = 7});
   ASSERT_EQ(folded.size(), 1u);
   EXPECT_TRUE(folded[0].mesh.points_mm.empty());
   for (const Surface& surface : filled) check(surface);
@@ -76,7 +77,45 @@ TEST(BalloonSurface, IsAsWideAsItIsFilled) {
   EXPECT_NEAR(middle_mm / static_cast<double>(filled[0].mesh.points_mm.size()), 102, 0.1);
   EXPECT_GT(carried.size(), 1u);
   EXPECT_NEAR(width_mm(carried[1]), 6.24, 0.3);
-  EXPECT_TRUE(balloon_surfaces(nodes_mm, InstrumentModel::named("cobra-5f"), {}).empty());
+  EXPECT_TRUE(treating_surfaces(nodes_mm, InstrumentModel::named("cobra-5f"), {}).empty());
+}
+
+TEST(SheathSurface, CarriesTheRingsThatAreNotFree) {
+  const InstrumentModel model = InstrumentModel::named("stent-self-8x40");
+  std::vector<glm::dvec3> nodes_mm;
+  for (int i = 0; i <= 60; ++i) nodes_mm.emplace_back(0, 0, 2 * i);
+  const auto ends_mm = [](const std::vector<Surface>& surfaces, std::size_t first) {
+    float lowest = 1e9F, highest = -1e9F;
+    for (std::size_t s = first; s < surfaces.size(); ++s)
+      for (const glm::vec3& point : surfaces[s].mesh.points_mm) {
+        lowest = std::min(lowest, point.z);
+        highest = std::max(highest, point.z);
+        // In the instrument.
+        EXPECT_LT(std::hypot(point.x, point.y), 1.0F);
+      }
+    return std::pair(lowest, highest);
+  };
+  const std::vector<Surface> whole = treating_surfaces(nodes_mm, model, {.carried_rings = 16}),
+                             half =
+                                 treating_surfaces(nodes_mm, model, {.carried_rings = 8, .release_mm = 21}),
+                             none = treating_surfaces(nodes_mm, model, {.release_mm = 42});
+  // The sheath's marker, 16 rings with four links from each to the next.
+  ASSERT_EQ(whole.size(), 1u + 16 + 15 * 4);
+  ASSERT_EQ(half.size(), 1u + 8 + 7 * 4);
+  ASSERT_EQ(none.size(), 1u);
+  for (const Surface& surface : half) check(surface);
+  // From 12 mm behind the tip, at 120 mm, over 42.4 mm; a strut is 0.2 mm thick.
+  EXPECT_NEAR(ends_mm(whole, 1).second, 108, 0.3);
+  EXPECT_NEAR(ends_mm(whole, 1).first, 108 - 42.4, 0.3);
+  EXPECT_NEAR(ends_mm(half, 1).first, 108 - 42.4, 0.3);
+  EXPECT_NEAR(ends_mm(half, 1).second, 108 - 0.5 * (42.4 + 0.6), 0.3);
+  // The sheath's marker, a millimetre long, goes back with it.
+  EXPECT_NEAR(whole[0].mesh.points_mm.front().z - half[0].mesh.points_mm.front().z, 21, 0.1);
+  EXPECT_LT(whole[1].mu_per_mm,
+            stent_surfaces(*InstrumentModel::named("stent-6x18").stent(), std::vector<double>{3},
+                           [](double mm) { return glm::dvec3(0, 0, mm); })[0]
+                .mu_per_mm)
+      << "nitinol absorbs less than cobalt-chromium";
 }
 
 }  // namespace

@@ -16,7 +16,8 @@ sources="
   simulation/xraycast/catheter/moving_body
   simulation/xraycast/catheter/vessel_entry simulation/xraycast/catheter/wall_contact simulation/xraycast/catheter/yielding_walls
   simulation/xraycast/coaxial/coaxial_rods simulation/xraycast/coaxial/instruments simulation/xraycast/coaxial/lumen_contact
-  simulation/xraycast/coaxial/rod_curve simulation/xraycast/coaxial/treatment
+  simulation/xraycast/coaxial/placed_stent simulation/xraycast/coaxial/rod_curve simulation/xraycast/coaxial/self_expansion
+  simulation/xraycast/coaxial/treatment
   simulation/xraycast/blood_flow/flow_network simulation/xraycast/blood_flow/heartbeat simulation/xraycast/blood_flow/rest_flow
   simulation/xraycast/blood_flow/tree_flow simulation/xraycast/blood_flow/vessel_impedance
   simulation/xraycast/simulation/agent_outlet

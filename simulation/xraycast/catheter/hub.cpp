@@ -14,6 +14,8 @@ void MovingHub::approach(const HubPose& target, double force_N, const HubPose& l
   const double max_change_bar = kMaxInflation_bar_s * step_s;
   const double target_bar = std::clamp(target.inflation_bar, 0.0, largest.inflation_bar);
   pose.inflation_bar += std::clamp(target_bar - pose.inflation_bar, -max_change_bar, max_change_bar);
+  const double release_mm = std::min(target.release_mm, largest.release_mm);
+  pose.release_mm += std::clamp(release_mm - pose.release_mm, 0.0, kMaxRelease_mm_s * step_s);
 }
 
 }  // namespace xraycast

@@ -12,6 +12,7 @@ struct HubPose {
   double insertion_mm = 0;   ///< length fed through the introducer; positive into the body
   double rotation_rad = 0;   ///< about the direction of insertion, right-handed; adds up over whole turns
   double inflation_bar = 0;  ///< pressure in the instrument's balloon above the blood's; 0: it is folded
+  double release_mm = 0;  ///< how far the sheath of the instrument's stent is drawn back; it never goes back
 };
 
 /// Force and torque on the hand at the hub, in SI units.
@@ -26,6 +27,8 @@ struct MovingHub {
   static constexpr double kMaxSpeed_mm_s = 300, kMaxSpeed_rad_s = 30;
   /// Of an inflation device, that is turned or, to deflate, drawn back: chosen.
   static constexpr double kMaxInflation_bar_s = 10;
+  /// Of a hand that draws a sheath back: chosen.
+  static constexpr double kMaxRelease_mm_s = 50;
 
   /// Against a larger force an instrument buckles outside the introducer or slips through the fingers: the
   /// hub does not advance.
@@ -34,7 +37,7 @@ struct MovingHub {
   HubPose pose;
   bool is_held = false;  ///< it does not advance, because of the force
 
-  /// A step towards a pose, whose insertion and pressure are clamped to 0 to the largest.
+  /// A step towards a pose, whose insertion, pressure and release are clamped to 0 to the largest.
   void approach(const HubPose& target, double force_N, const HubPose& largest, double step_s);
 };
 

@@ -10,16 +10,18 @@ namespace xraycast {
 YieldingWalls::YieldingWalls(std::shared_ptr<const LumenDistanceField> field)
     : field_(std::move(field)), yields_(static_cast<std::size_t>(field_->branch_count())) {}
 
-/// The widest that openings ask for; zero where they ask for nothing. They reach to the next station on
-/// either side, so that between stations, too, no place in an opening is narrower.
+/// The widest that openings ask for; zero where they ask for nothing. They reach to the next station beyond
+/// their ends, so that between stations, too, no place in an opening is narrower.
 double YieldingWalls::held_mm(int branch, int station, std::span<const Opening> openings) const {
   const double arc_mm = field_->station_arc_mm(branch, station),
                step_mm = field_->station_arc_mm(branch, 1) - field_->station_arc_mm(branch, 0);
   double held_mm = 0;
   for (const Opening& opening : openings) {
     if (opening.branch != branch) continue;
+    const double before_mm = opening.goes_on_before ? 0 : step_mm,
+                 behind_mm = opening.goes_on_behind ? 0 : step_mm;
     const double beyond_mm =
-        std::max({0.0, opening.from_mm - step_mm - arc_mm, arc_mm - opening.to_mm - step_mm});
+        std::max({0.0, opening.from_mm - before_mm - arc_mm, arc_mm - opening.to_mm - behind_mm});
     held_mm = std::max(held_mm, opening.radius_mm - kSlope * beyond_mm);
   }
   return held_mm;

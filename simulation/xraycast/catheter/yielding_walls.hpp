@@ -28,6 +28,7 @@ class YieldingWalls {
     int branch = 0;
     double from_mm = 0, to_mm = 0;  ///< from the branch's first point
     double radius_mm = 0;
+    bool goes_on_before = false, goes_on_behind = false;  ///< another opening follows at that end
   };
 
   /// The walls while these hold them open, and no others. False where no wall has moved.

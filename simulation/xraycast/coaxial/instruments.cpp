@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 namespace xraycast {
@@ -16,8 +17,9 @@ namespace {
 // The straight sheath outside the tree through which instruments enter: its length.
 constexpr double kIntroducer_mm = 20;
 
-// Balloons are worked on so often: at the fastest inflation they grow by some 0.05 mm in between.
-constexpr long kBalloonSteps = 10;
+// Balloons and stents are worked on so often: at the fastest inflation balloons grow by some 0.05 mm in
+// between.
+constexpr long kTreatmentSteps = 10;
 // A balloon that is held at a pressure stays where it is while it moves by less.
 constexpr double kBalloonMoves_mm = 0.25;
 // Of the pressure in a balloon, what is left for the wall; its membrane bears the rest. Chosen: at 8 bar a
@@ -101,8 +103,10 @@ Instruments::Instruments(const VesselTree& tree, const std::vector<InstrumentMod
       rods_(make_rods(checked(tree, entry, instruments))),
       walls_(instruments.size()),
       hubs_(instruments.size()),
-      balloons_(instruments.size()) {
-  for (std::size_t d = 0; d < count(); ++d) balloons_[d].carries_stent = instruments[d].stent().has_value();
+      balloons_(instruments.size()),
+      sheaths_(instruments.size()) {
+  for (std::size_t d = 0; d < count(); ++d)
+    balloons_[d].carries_stent = instruments[d].balloon() && instruments[d].stent();
   for (std::size_t d = 0; d < count(); ++d) {
     walls_[d] = make_wall(rods_, d);
     rods_.set_external(d, walls_[d].get());
@@ -155,12 +159,13 @@ void Instruments::step(std::span<const HubPose> targets, std::span<const double>
   for (std::size_t d = 0; d < count(); ++d) {
     const double rotation_before_rad = pose(d).rotation_rad;
     const HubPose largest{.insertion_mm = max_insertion_mm(d),
-                          .inflation_bar = rod(d).instrument().max_inflation_bar()};
+                          .inflation_bar = rod(d).instrument().max_inflation_bar(),
+                          .release_mm = rod(d).instrument().max_release_mm()};
     hubs_[d].approach(targets[d], load(d).force_N, largest, options_.step_s);
     if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
     rods_.feed_to(d, kIntroducer_mm + pose(d).insertion_mm);
   }
-  if (steps_ % kBalloonSteps == 0) work_balloons();
+  if (steps_ % kTreatmentSteps == 0) treat();
   if (body_ && body_->move_to(phases))
     for (std::size_t d = 0; d < count(); ++d) walls_[d]->follow_body(rod(d));
   rods_.step(options_.step_s);
@@ -233,10 +238,19 @@ void Instruments::exchange(std::size_t instrument, const InstrumentModel& model)
   walls_[instrument] = std::move(walls[instrument]);
   rods_.set_external(instrument, walls_[instrument].get());
   hubs_[instrument] = {};
-  balloons_[instrument] = {.carries_stent = model.stent().has_value()};
+  balloons_[instrument] = {.carries_stent = model.balloon() && model.stent()};
+  sheaths_[instrument] = {};
+  treatments_.take_out(instrument);
 }
 
-// ---- balloons -------------------------------------------------------------------------------------------
+// ---- balloons and stents --------------------------------------------------------------------------------
+
+int Instruments::carried_rings(std::size_t instrument) const {
+  const InstrumentModel& model = rod(instrument).instrument();
+  if (!model.stent()) return 0;
+  if (model.has_sheath()) return model.stent()->rings - sheaths_[instrument].free_rings;
+  return balloons_[instrument].carries_stent ? model.stent()->rings : 0;
+}
 
 double Instruments::balloon_radius_mm(std::size_t instrument) const {
   const InstrumentModel& model = rod(instrument).instrument();
@@ -248,21 +262,19 @@ std::span<const YieldingWalls::Opening> Instruments::balloon_lengths(std::size_t
   return balloons_[instrument].place.lengths;
 }
 
-bool Instruments::is_balloon_out(std::size_t instrument) const {
-  const BalloonModel& balloon = *rod(instrument).instrument().balloon();
-  const double out_mm = std::min(pose(instrument).insertion_mm, rods_.bare_mm(instrument));
-  return balloon.from_tip_mm + balloon.length_mm <= out_mm;
+/// Beyond the introducer and the instruments around it, as far as to there.
+bool Instruments::is_out(std::size_t instrument, double from_tip_mm) const {
+  return from_tip_mm <= std::min(pose(instrument).insertion_mm, rods_.bare_mm(instrument));
 }
 
-/// From the tip on, a millimetre after the other, so that each place is searched for from the last one.
-Treatments::Place Instruments::place_of_balloon(std::size_t instrument) const {
+/// Between two lengths from the tip, about a millimetre apart. From the tip on, so that each place is
+/// searched for from the last one.
+std::vector<Instruments::AxisPlace> Instruments::axis_places(std::size_t instrument, double first_mm,
+                                                             double last_mm) const {
   constexpr double kStep_mm = 1;
   const Rod& of = rod(instrument);
-  const BalloonModel& balloon = *of.instrument().balloon();
   const LumenDistanceField& field = *treatments_.walls().field();
-  const double last_mm = balloon.from_tip_mm + balloon.length_mm;
-  Treatments::Place place;
-  std::vector<YieldingWalls::Opening>& lengths = place.lengths;
+  std::vector<AxisPlace> places;
   LumenDistanceField::SearchHint hint = wall(instrument).contacts().back().sample.hint;
   std::size_t node = of.node_count() - 1;
   const auto steps = static_cast<int>(std::ceil(last_mm / kStep_mm));
@@ -276,15 +288,24 @@ Treatments::Place Instruments::place_of_balloon(std::size_t instrument) const {
     if (body_) place_mm = Eigen::Vector3d(body_->place(place_mm).scan_mm.data());
     const LumenDistanceField::Sample sample = field.at(place_mm, hint);
     hint = sample.hint;
-    if (from_tip_mm < balloon.from_tip_mm) continue;
+    if (from_tip_mm >= first_mm) places.push_back({from_tip_mm, hint.branch, sample.arc_length_mm});
+  }
+  return places;
+}
+
+Treatments::Place Instruments::place_of_balloon(std::size_t instrument) const {
+  const BalloonModel& balloon = *rod(instrument).instrument().balloon();
+  Treatments::Place place;
+  std::vector<YieldingWalls::Opening>& lengths = place.lengths;
+  for (const auto& [from_tip_mm, branch, arc_mm] :
+       axis_places(instrument, balloon.from_tip_mm, balloon.from_tip_mm + balloon.length_mm)) {
     if (from_tip_mm <= balloon.middle_from_tip_mm()) {
-      place.middle_branch = hint.branch;
-      place.middle_mm = sample.arc_length_mm;
+      place.middle_branch = branch;
+      place.middle_mm = arc_mm;
     }
-    if (lengths.empty() || lengths.back().branch != hint.branch)
-      lengths.push_back({hint.branch, sample.arc_length_mm, sample.arc_length_mm, 0});
-    lengths.back().from_mm = std::min(lengths.back().from_mm, sample.arc_length_mm);
-    lengths.back().to_mm = std::max(lengths.back().to_mm, sample.arc_length_mm);
+    if (lengths.empty() || lengths.back().branch != branch) lengths.push_back({branch, arc_mm, arc_mm, 0});
+    lengths.back().from_mm = std::min(lengths.back().from_mm, arc_mm);
+    lengths.back().to_mm = std::max(lengths.back().to_mm, arc_mm);
   }
   return place;
 }
@@ -314,13 +335,64 @@ std::optional<WallContact::Balloon> Instruments::balloon_on_wall(std::size_t ins
       .pressing_N_mm = kPressingShare * kNewtonPerMm2PerBar * bar * 2 * std::numbers::pi * radius_mm};
 }
 
-void Instruments::work_balloons() {
+/// Where a stent is as its first ring is free: in the vessel that most of it is in, whose far end follows
+/// from the part of it that is nearest to the tip.
+void Instruments::place_stent(std::size_t instrument) {
+  const InstrumentModel& model = rod(instrument).instrument();
+  const double first_mm = model.stent()->from_tip_mm;
+  const std::vector<AxisPlace> places = axis_places(instrument, first_mm, first_mm + model.max_release_mm());
+  std::map<int, std::size_t> counts;
+  for (const AxisPlace& place : places) ++counts[place.branch];
+  SheathState& state = sheaths_[instrument];
+  std::size_t most = 0;
+  for (const auto& [branch, count] : counts)
+    if (count > most) {
+      most = count;
+      state.branch = branch;
+    }
+  const auto is_in = [&](const AxisPlace& place) { return place.branch == state.branch; };
+  const AxisPlace& nearest = *std::find_if(places.begin(), places.end(), is_in);
+  const AxisPlace& furthest = *std::find_if(places.rbegin(), places.rend(), is_in);
+  state.towards_hub = furthest.arc_mm >= nearest.arc_mm ? 1 : -1;
+  state.far_end_mm = nearest.arc_mm - state.towards_hub * (nearest.from_tip_mm - first_mm);
+}
+
+/// From which the sheath is drawn back.
+int Instruments::uncovered_rings(std::size_t instrument) const {
+  // A ring slips out of the last tenth of a millimetre, so that a hub's motion needs no more decimals.
+  constexpr double kSlips_mm = 0.1;
+  const InstrumentModel& model = rod(instrument).instrument();
+  const StentModel& stent = *model.stent();
+  const double ring_mm = stent.ring_height_mm(model.crimped_mm());
+  return static_cast<int>((pose(instrument).release_mm + stent.link_mm + kSlips_mm) /
+                          (ring_mm + stent.link_mm));
+}
+
+/// Stents of which rings became free.
+std::vector<Treatments::Unsheathed> Instruments::draw_sheaths() {
+  std::vector<Treatments::Unsheathed> unsheathed;
+  for (std::size_t d = 0; d < count(); ++d) {
+    const InstrumentModel& model = rod(d).instrument();
+    if (!model.has_sheath() || !is_out(d, model.stent()->from_tip_mm + model.max_release_mm())) continue;
+    SheathState& state = sheaths_[d];
+    const int free_rings = std::min(uncovered_rings(d), model.stent()->rings);
+    if (free_rings <= state.free_rings) continue;
+    if (state.free_rings == 0) place_stent(d);
+    state.free_rings = free_rings;
+    unsheathed.push_back(
+        {d, &model.name(), &*model.stent(), free_rings, state.branch, state.far_end_mm, state.towards_hub});
+  }
+  return unsheathed;
+}
+
+/// Those that are filled; and whether a pressure has changed.
+std::vector<Treatments::Filled> Instruments::fill_balloons(bool& has_changed) {
   std::vector<Treatments::Filled> filled;
-  bool has_changed = false;
   for (std::size_t d = 0; d < count(); ++d) {
     const InstrumentModel& model = rod(d).instrument();
     if (!model.balloon()) continue;
-    const double bar = is_balloon_out(d) ? pose(d).inflation_bar : 0;
+    const bool is_free = is_out(d, model.balloon()->from_tip_mm + model.balloon()->length_mm);
+    const double bar = is_free ? pose(d).inflation_bar : 0;
     BalloonState& state = balloons_[d];
     has_changed = has_changed || bar != state.bar;
     state.bar = bar;
@@ -331,10 +403,17 @@ void Instruments::work_balloons() {
     place_balloon(d);
     filled.push_back({d, &model.name(), bar, state.place, state.opens_stent ? &*model.stent() : nullptr});
   }
-  if (!has_changed && filled.empty()) return;
+  return filled;
+}
+
+void Instruments::treat() {
+  bool has_changed = false;
+  const std::vector<Treatments::Filled> filled = fill_balloons(has_changed);
+  const std::vector<Treatments::Unsheathed> unsheathed = draw_sheaths();
+  if (!has_changed && filled.empty() && unsheathed.empty()) return;
   const std::size_t stents_before = treatments_.stents().size();
-  const bool yields = treatments_.work(filled, time_s());
-  if (yields || treatments_.stents().size() != stents_before) ++vessel_changes_;
+  const bool yields = treatments_.work(filled, unsheathed, time_s());
+  if (yields || treatments_.stents().size() != stents_before || !unsheathed.empty()) ++vessel_changes_;
   if (!yields && !has_changed) return;
   for (std::size_t d = 0; d < count(); ++d)
     walls_[d]->take_walls(treatments_.walls().field(), balloon_on_wall(d), rod(d));

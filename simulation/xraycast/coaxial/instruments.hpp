@@ -85,7 +85,7 @@ class Instruments {
       : Instruments(tree, instruments, entry, Options{}) {}
 
   /// One step in time towards a pose for each instrument, whose insertion is clamped to 0 to
-  /// max_insertion_mm(), and whose pressure to what its balloon bears.
+  /// max_insertion_mm(), its pressure to what its balloon bears, and its release to its stent's length.
   void step(std::span<const HubPose> targets) { step(targets, phases()); }
   /// The same while the body moves to these phases, one a mode, where it has a motion.
   void step(std::span<const HubPose> targets, std::span<const double> phases);
@@ -113,9 +113,10 @@ class Instruments {
   /// The lengths of vessels that it lies in, as wide as it is; none while it is folded.
   std::span<const YieldingWalls::Opening> balloon_lengths(std::size_t instrument) const;
 
-  /// Whether a stent is on its balloon still. A balloon leaves it once it was filled to the first pressure of
-  /// its chart or more, and is folded again.
-  bool carries_stent(std::size_t instrument) const { return balloons_[instrument].carries_stent; }
+  /// The rings of a stent that are still on it: all, until its balloon was filled to the first pressure of
+  /// its chart or more, and is folded again; or those in its sheath. A sheath frees a ring once it is drawn
+  /// back from all of it, while the stent is wholly beyond the introducer and the instruments around it.
+  int carried_rings(std::size_t instrument) const;
 
   /// What balloons did, and the walls, which yielded to them.
   const Treatments& treatments() const { return treatments_; }
@@ -159,17 +160,34 @@ class Instruments {
     bool carries_stent = false, opens_stent = false;
     Treatments::Place place{};
   };
+  /// The stent of a sheath, on its way out.
+  struct SheathState {
+    int free_rings = 0;
+    int branch = 0;
+    double far_end_mm = 0, towards_hub = -1;  ///< see Treatments::Unsheathed
+  };
+  /// A place of an instrument's axis, by the vessels.
+  struct AxisPlace {
+    double from_tip_mm = 0;
+    int branch = 0;
+    double arc_mm = 0;
+  };
 
   bool is_drawn_back(std::size_t instrument) const { return pose(instrument).insertion_mm <= kDrawnBack_mm; }
   Rod make_rod(const InstrumentModel& model) const;
   std::vector<Rod> make_rods(const std::vector<InstrumentModel>& instruments) const;
   std::unique_ptr<WallContact> make_wall(const CoaxialRods& rods, std::size_t instrument) const;
   static void settle(CoaxialRods& rods);
-  bool is_balloon_out(std::size_t instrument) const;
+  bool is_out(std::size_t instrument, double from_tip_mm) const;
+  std::vector<AxisPlace> axis_places(std::size_t instrument, double first_mm, double last_mm) const;
   Treatments::Place place_of_balloon(std::size_t instrument) const;
   void place_balloon(std::size_t instrument);
   std::optional<WallContact::Balloon> balloon_on_wall(std::size_t instrument) const;
-  void work_balloons();
+  std::vector<Treatments::Filled> fill_balloons(bool& has_changed);
+  std::vector<Treatments::Unsheathed> draw_sheaths();
+  int uncovered_rings(std::size_t instrument) const;
+  void place_stent(std::size_t instrument);
+  void treat();
 
   VesselTree tree_;
   Options options_;
@@ -182,6 +200,7 @@ class Instruments {
   Walls walls_;
   std::vector<MovingHub> hubs_;
   std::vector<BalloonState> balloons_;
+  std::vector<SheathState> sheaths_;
   long vessel_changes_ = 0;
   long steps_ = 0;
 };

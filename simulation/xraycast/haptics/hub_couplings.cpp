@@ -16,6 +16,7 @@ HubCouplings::HubCouplings(HapticDevice& device, std::vector<double> max_inserti
 void HubCouplings::replace(std::size_t hub, const HubPose& at, double max_insertion_mm) {
   max_insertions_mm_[hub] = max_insertion_mm;
   inflate(hub, 0);
+  draw_sheath(hub, 0);
   release(hub, at);
 }
 
@@ -26,7 +27,10 @@ std::span<const HubPose> HubCouplings::step(std::span<const HubPose> hubs, std::
     return targets_;
   }
   move(hubs, loads, step_s);
-  for (std::size_t hub = 0; hub < hubs.size(); ++hub) targets_[hub].inflation_bar = inflation_bar(hub);
+  for (std::size_t hub = 0; hub < hubs.size(); ++hub) {
+    targets_[hub].inflation_bar = inflation_bar(hub);
+    targets_[hub].release_mm = sheath_mm(hub);
+  }
   return targets_;
 }
 

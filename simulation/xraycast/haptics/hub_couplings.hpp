@@ -31,6 +31,12 @@ class HubCouplings {
   void inflate(std::size_t hub, double bar) { wants_bar_[hub].store(bar, std::memory_order_relaxed); }
   double inflation_bar(std::size_t hub) const { return wants_bar_[hub].load(std::memory_order_relaxed); }
 
+  /// The same of the sheath of a hub's stent: how far it is drawn back.
+  void draw_sheath(std::size_t hub, double mm) {
+    wants_release_mm_[hub].store(mm, std::memory_order_relaxed);
+  }
+  double sheath_mm(std::size_t hub) const { return wants_release_mm_[hub].load(std::memory_order_relaxed); }
+
   /// Another instrument's hub, at a pose, instead of one; the hand goes on from there. For the thread that
   /// steps.
   void replace(std::size_t hub, const HubPose& at, double max_insertion_mm);
@@ -52,7 +58,7 @@ class HubCouplings {
   std::vector<VirtualCoupling> couplings_;
   std::vector<HubPose> targets_;
   std::atomic<bool> wants_lock_{false};
-  std::array<std::atomic<double>, kMaxHubs> wants_bar_{};
+  std::array<std::atomic<double>, kMaxHubs> wants_bar_{}, wants_release_mm_{};
   bool is_locked_ = false;
   std::size_t leader_ = 0;
 };

@@ -148,18 +148,38 @@ int whole_number(const Json& object, const std::string& where, const char* key) 
   return static_cast<int>(value);
 }
 
+std::vector<StentModel::Force> outward_chart(const Json& stent, const std::string& where) {
+  if (!stent.contains("outward_N_mm")) return {};
+  const Json& chart = stent["outward_N_mm"];
+  std::vector<StentModel::Force> forces;
+  for (const Json& row : chart) {
+    if (!row.is_array() || row.size() != 2 || !row[0].is_number() || !row[1].is_number())
+      throw InputError("{}: outward_N_mm[{}] must be a pair: diameter in mm, force in N/mm", where,
+                       forces.size());
+    forces.push_back({row[0].get<double>(), row[1].get<double>()});
+  }
+  if (forces.empty())
+    throw InputError("{}: \"outward_N_mm\" is empty; it lists pairs of diameter in mm and force in N/mm",
+                     where);
+  return forces;
+}
+
 std::optional<StentModel> stent_of(const Json& json, const std::string& origin) {
   if (!json.contains("stent")) return {};
   const Json& stent = json["stent"];
   const std::string where = origin + ": stent";
   if (!stent.is_object()) throw InputError("{}: not an object", where);
+  std::vector<StentModel::Force> outward = outward_chart(stent, where);
+  const double from_tip_mm = outward.empty() ? 0 : number(stent, where, "from_tip_mm");
   return StentModel{.diameter_mm = number(stent, where, "diameter_mm"),
                     .length_mm = number(stent, where, "length_mm"),
                     .rings = whole_number(stent, where, "rings"),
                     .crowns = whole_number(stent, where, "crowns"),
                     .links = whole_number(stent, where, "links"),
                     .link_mm = number(stent, where, "link_mm"),
-                    .strut_mm = number(stent, where, "strut_mm")};
+                    .strut_mm = number(stent, where, "strut_mm"),
+                    .from_tip_mm = from_tip_mm,
+                    .outward = std::move(outward)};
 }
 
 /// None where a file says nothing of them.
@@ -190,9 +210,39 @@ double length_of(const std::vector<InstrumentSection>& sections) {
   return length_mm;
 }
 
-void check_stent(const InstrumentModel::Properties& p, const std::string& origin) {
+double crimped_mm(const InstrumentModel::Properties& p) {
+  constexpr double kSheath = 3;  // its wall, twice half a strut besides
+  return 2 * p.radius_mm + (p.stent->expands_itself() ? -kSheath : 1) * p.stent->strut_mm;
+}
+
+/// One that opens itself, on an instrument of that length.
+void check_sheathed_stent(const InstrumentModel::Properties& p, double length_mm, const std::string& origin) {
+  const StentModel& stent = *p.stent;
+  if (p.balloon)
+    throw InputError("{}: stent: both \"outward_N_mm\" and a \"balloon\"; give one of them", origin);
+  xraycast::check(stent, stent.diameter_mm, origin);
+  check(stent.from_tip_mm, stent.from_tip_mm >= 0, origin + ": stent", "from_tip_mm",
+        "it must be zero or more");
+  if (p.radius_mm - 2 * stent.strut_mm <= p.inner_radius_mm || crimped_mm(p) <= 0)
+    throw InputError(
+        "{}: stent: struts of {:g} mm and a sheath of the same have no room between \"radius_mm\" and "
+        "\"inner_radius_mm\"; take thinner ones",
+        origin, stent.strut_mm);
+  if (crimped_mm(p) >= stent.diameter_mm)
+    throw InputError("{}: stent: \"diameter_mm\" is {:g}, not more than in its sheath, {:g}", origin,
+                     stent.diameter_mm, crimped_mm(p));
+  const double end_mm = stent.from_tip_mm + stent.length_at_mm(crimped_mm(p));
+  if (end_mm > length_mm)
+    throw InputError("{}: stent: ends {:.1f} mm from the tip, beyond the {:g} mm of the sections", origin,
+                     end_mm, length_mm);
+}
+
+void check_stent(const InstrumentModel::Properties& p, double length_mm, const std::string& origin) {
   if (!p.stent) return;
-  if (!p.balloon) throw InputError("{}: stent: there is no \"balloon\" to open it; give one", origin);
+  if (p.stent->expands_itself()) return check_sheathed_stent(p, length_mm, origin);
+  if (!p.balloon)
+    throw InputError("{}: stent: nothing opens it; give a \"balloon\", or \"outward_N_mm\" of its own",
+                     origin);
   xraycast::check(*p.stent,
                   p.balloon->diameter_at_mm(p.balloon->rated_burst_bar, 2 * p.radius_mm) + p.stent->strut_mm,
                   origin);
@@ -231,7 +281,7 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
     length_mm_ += section.length_mm;
   }
   check(length_mm_, length_mm_ <= 5000, origin, "length_mm", "that is more than 5 m in all");
-  check_stent(p, origin);
+  check_stent(p, length_mm_, origin);
   xraycast::check(p.markers, p.radius_mm, p.inner_radius_mm, length_mm_, origin);
   if (!p.balloon) return;
   xraycast::check(*p.balloon, 2 * p.radius_mm, origin);
@@ -281,6 +331,8 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
     p.markers = usual_markers(p.radius_mm, p.inner_radius_mm, length_of(p.sections), p.balloon);
   return InstrumentModel(std::move(p), origin);
 }
+
+double InstrumentModel::crimped_mm() const { return stent() ? xraycast::crimped_mm(properties_) : 0; }
 
 double InstrumentModel::balloon_radius_mm(double bar) const {
   return balloon() ? 0.5 * balloon()->diameter_at_mm(bar, 2 * radius_mm()) : radius_mm();

@@ -36,15 +36,16 @@ class InstrumentModel {
     double static_friction = 0, kinetic_friction = 0;  ///< coefficients, wet, on a vessel's wall
     std::vector<InstrumentSection> sections;           ///< from the tip on
     std::optional<BalloonModel> balloon{};
-    std::optional<StentModel> stent{};  ///< on the balloon, until that opens it
+    std::optional<StentModel> stent{};  ///< on the balloon, until that opens it; or in a sheath
     std::vector<MarkerModel> markers{};
   };
 
   /// Throws InputError, with `origin` in front, for a number that is not finite or out of its range: no
   /// section, a length, radius, mass or stiffness that is not above zero, friction below zero or a kinetic
   /// one above the static one, a curvature of more than 1/(2 radius), and a balloon as `check` of it, or that
-  /// reaches beyond the instrument's length, and a stent as `check` of it, without a balloon, or longer than
-  /// it; and markers as `check` of them.
+  /// reaches beyond the instrument's length, and a stent as `check` of it, longer than its balloon, without
+  /// balloon and forces of its own, or with both, or that has no room in its sheath;
+  /// and markers as `check` of them.
   InstrumentModel(Properties properties, const std::string& origin);
 
   /// Reads {"name", "radius_mm", "density_g_cm3", "inner_radius_mm" (0 without), "axial_stiffness_N",
@@ -55,9 +56,10 @@ class InstrumentModel {
   /// "deflection_mm"}}, instead of the torsional one {"shear_modulus_GPa"}, both of the whole cross-section.
   /// There may be a "balloon": {"diameter_mm", "length_mm", "from_tip_mm", "nominal_bar", "rated_burst_bar",
   /// "chart": [[bar, mm], ...]}, and on it a "stent": {"diameter_mm", "length_mm", "rings", "crowns",
-  /// "links", "link_mm", "strut_mm"}. "markers": [{"length_mm", "from_tip_mm" (0 without), "material"
-  /// ("platinum" without), "thickness_mm" (0.05 without)}, ...]; without, usual_markers(). Throws InputError
-  /// naming `origin` and the field.
+  /// "links", "link_mm", "strut_mm"}; without a balloon the stent has "from_tip_mm" and "outward_N_mm": [[mm,
+  /// N/mm], ...] besides. "markers": [{"length_mm", "from_tip_mm" (0 without), "material" ("platinum"
+  /// without), "thickness_mm" (0.05 without)}, ...]; without, usual_markers(). Throws InputError naming
+  /// `origin` and the field.
   static InstrumentModel from_json(const std::string& text, const std::string& origin);
 
   /// A preset by its name, or a JSON file. Throws InputError.
@@ -78,6 +80,13 @@ class InstrumentModel {
   const std::optional<BalloonModel>& balloon() const { return properties_.balloon; }
   const std::optional<StentModel>& stent() const { return properties_.stent; }
   const std::vector<MarkerModel>& markers() const { return properties_.markers; }
+  /// Whether it has a stent that opens as its sheath is drawn back.
+  bool has_sheath() const { return stent() && stent()->expands_itself(); }
+  /// Of the middle of its stent's struts: on the folded balloon, or in the sheath, whose wall is as thick as
+  /// they are. 0 without a stent.
+  double crimped_mm() const;
+  /// How far the sheath is drawn back until all of the stent is free: its length; 0 without a sheath.
+  double max_release_mm() const { return has_sheath() ? stent()->length_at_mm(crimped_mm()) : 0; }
   /// What its balloon bears: the rated burst pressure; 0 without a balloon.
   double max_inflation_bar() const { return balloon() ? balloon()->rated_burst_bar : 0; }
   /// Of its balloon at a pressure; of the instrument without one.

@@ -8,6 +8,39 @@
 #include <utility>
 
 namespace xraycast {
+namespace {
+
+void check_outward(const StentModel& stent, const std::string& where) {
+  StentModel::Force before{0, 0};
+  for (const StentModel::Force& force : stent.outward) {
+    const bool is_first = &force == &stent.outward.front();
+    if (!std::isfinite(force.diameter_mm) || !std::isfinite(force.outward_N_mm) ||
+        !(force.diameter_mm > before.diameter_mm) || !(force.outward_N_mm >= 0) ||
+        !(is_first || force.outward_N_mm <= before.outward_N_mm))
+      throw InputError(
+          "{}: \"outward_N_mm\" has {:g} mm, {:g} N/mm after {:g} mm, {:g} N/mm; diameters must ascend from "
+          "above 0, and forces must not grow",
+          where, force.diameter_mm, force.outward_N_mm, before.diameter_mm, before.outward_N_mm);
+    before = force;
+  }
+  if (before.diameter_mm != stent.diameter_mm || before.outward_N_mm != 0)
+    throw InputError(
+        "{}: \"outward_N_mm\" ends with {:g} mm, {:g} N/mm; it must end with \"diameter_mm\", {:g}, and 0",
+        where, before.diameter_mm, before.outward_N_mm, stent.diameter_mm);
+}
+
+}  // namespace
+
+double StentModel::outward_N_mm(double at_mm) const {
+  Force before{0, outward.empty() ? 0 : outward.front().outward_N_mm};
+  for (const Force& force : outward) {
+    if (at_mm < force.diameter_mm)
+      return std::lerp(before.outward_N_mm, force.outward_N_mm,
+                       (at_mm - before.diameter_mm) / (force.diameter_mm - before.diameter_mm));
+    before = force;
+  }
+  return 0;
+}
 
 double StentModel::across_mm(double opened_mm) const {
   return std::numbers::pi * opened_mm / (2 * static_cast<double>(crowns));
@@ -25,6 +58,12 @@ double StentModel::ring_height_mm(double opened_mm) const {
 
 double StentModel::length_at_mm(double opened_mm) const {
   return rings * ring_height_mm(opened_mm) + (rings - 1) * link_mm;
+}
+
+double StentModel::length_of_mm(std::span<const double> radii_mm) const {
+  double sum_mm = radii_mm.empty() ? 0 : static_cast<double>(radii_mm.size() - 1) * link_mm;
+  for (const double radius_mm : radii_mm) sum_mm += ring_height_mm(2 * radius_mm);
+  return sum_mm;
 }
 
 double StentModel::widest_mm() const { return 2 * crowns * strut_length_mm() / std::numbers::pi; }
@@ -54,6 +93,7 @@ void check(const StentModel& stent, double largest_mm, const std::string& origin
         "fewer "
         "rings",
         where, stent.widest_mm(), largest_mm);
+  if (stent.expands_itself()) check_outward(stent, where);
 }
 
 }  // namespace xraycast

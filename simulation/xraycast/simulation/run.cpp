@@ -25,7 +25,10 @@ RunRecord record_of(double time_s, const Instruments& instruments, std::size_t d
                    .wall_work_J = instruments.wall_work_J(d),
                    .balloon_bar = instruments.balloon_bar(d),
                    .balloon_mm = 2 * instruments.balloon_radius_mm(d),
+                   .free_rings = {},
                    .phases = {}};
+  if (const InstrumentModel& model = instruments.rod(d).instrument(); model.has_sheath())
+    record.free_rings = model.stent()->rings - instruments.carried_rings(d);
   record.phases.assign(instruments.phases().begin(), instruments.phases().end());
   for (const WallContact::Contact& contact : instruments.wall(d).contacts()) {
     if (contact.depth_mm <= 0) continue;
@@ -95,6 +98,23 @@ void check_inflations(const Script& script, const std::vector<InstrumentModel>& 
                          instruments[d].name());
       throw InputError("{}; the balloon of {} is rated to {:g} bar: inflate it by no more", pressure,
                        instruments[d].name(), instruments[d].max_inflation_bar());
+    }
+}
+
+void check_releases(const Script& script, const std::vector<InstrumentModel>& instruments) {
+  for (std::size_t r = 0; r < script.rows().size(); ++r)
+    for (std::size_t d = 0; d < instruments.size(); ++d) {
+      const double release_mm = script.rows()[r].pose_of(d).release_mm;
+      if (release_mm <= instruments[d].max_release_mm()) continue;
+      const std::string drawn =
+          fmt::format("{}: {} {}", script.where(r),
+                      d == 0 ? "release_mm" : fmt::format("release_{}_mm", d + 1), release_mm);
+      if (!instruments[d].has_sheath())
+        throw InputError(
+            "{}; {} has no stent in a sheath: leave the column out, or take stent-self-8x40, say", drawn,
+            instruments[d].name());
+      throw InputError("{}; the stent of {} is {:.1f} mm long in its sheath: draw that back by no more",
+                       drawn, instruments[d].name(), std::floor(10 * instruments[d].max_release_mm()) / 10);
     }
 }
 
@@ -181,10 +201,27 @@ bool keeps_balloon_folded(const Instruments& instruments) {
   return false;
 }
 
-/// Of stents that reach beyond the ends of their vessels, as branches of the tree.
+/// Though its sheath is drawn back from a ring of it.
+bool keeps_stent(const Instruments& instruments) {
+  for (std::size_t d = 0; d < instruments.count(); ++d) {
+    const InstrumentModel& model = instruments.rod(d).instrument();
+    if (model.has_sheath() && instruments.carried_rings(d) == model.stent()->rings &&
+        instruments.pose(d).release_mm >= model.stent()->ring_height_mm(model.crimped_mm()))
+      return true;
+  }
+  return false;
+}
+
+/// Of stents that reach beyond the ends of their vessels, as branches of the tree, and of those that are not
+/// free.
 std::vector<std::string> notes_on_stents(const Instruments& instruments) {
   constexpr double kNoticed_mm = 0.5;
   std::vector<std::string> notes;
+  for (const Treatment& treatment : instruments.treatments().list())
+    if (treatment.sheathed_rings > 0)
+      notes.push_back(
+          fmt::format("{}: {} of the {} rings of its stent are in the sheath still; draw it back further",
+                      treatment.device, treatment.sheathed_rings, treatment.stent->rings));
   for (const PlacedStent& stent : instruments.treatments().stents()) {
     const VesselTree& tree = instruments.tree();
     const double length_mm = tree.branches()[static_cast<std::size_t>(stent.branch)].arc_length_mm.back();
@@ -201,7 +238,7 @@ std::vector<std::string> notes_on_stents(const Instruments& instruments) {
 
 bool is_at(const HubPose& hub, const HubPose& pose) {
   return hub.insertion_mm == pose.insertion_mm && hub.rotation_rad == pose.rotation_rad &&
-         hub.inflation_bar == pose.inflation_bar;
+         hub.inflation_bar == pose.inflation_bar && hub.release_mm == pose.release_mm;
 }
 
 /// Watches hubs on their way to a row's poses.
@@ -258,6 +295,7 @@ constexpr const char* kColumns =
 constexpr const char* kMotionColumns = ",tip{0}_scan_x_mm,tip{0}_scan_y_mm,tip{0}_scan_z_mm,wall_work{0}_J";
 
 constexpr const char* kBalloonColumns = ",inflation{0}_bar,balloon{0}_mm";
+constexpr const char* kSheathColumns = ",release{0}_mm,free_rings{0}";
 
 double part(double value) {
   constexpr int kDecimals = 6;
@@ -305,6 +343,7 @@ std::vector<std::string> check(const RunRequest& request) {
   if (request.script) {
     check_lengths(*request.script, request.instruments);
     check_inflations(*request.script, request.instruments);
+    check_releases(*request.script, request.instruments);
   }
   check_stents(request);
   check_injection(request);
@@ -338,12 +377,16 @@ std::string in_words(const Treatment& treatment, const VesselTree& tree) {
           : "";
   const std::string occluded =
       treatment.occluded_s > 0 ? fmt::format("; no flow for {:.1f} s", treatment.occluded_s) : "";
+  const std::string opened =
+      treatment.is_release()
+          ? fmt::format("{:.3g} mm, presses by {:.2f} N/mm", treatment.opened_mm, treatment.outward_N_mm)
+          : fmt::format("{:.3g} mm at {:.3g} bar", treatment.opened_mm, treatment.largest_bar);
   return fmt::format(
-             "{} in {}: {:.3g} mm at {:.3g} bar; least diameter {:.2f} mm before, {:.2f} mm after, of {:.2f} "
+             "{} in {}: {}; least diameter {:.2f} mm before, {:.2f} mm after, of {:.2f} "
              "mm: "
              "residual stenosis {:.0f} %",
-             treatment.device, tree.title(treatment.branch), treatment.opened_mm, treatment.largest_bar,
-             treatment.least_before_mm, treatment.least_after_mm, treatment.reference_mm,
+             treatment.device, tree.title(treatment.branch), opened, treatment.least_before_mm,
+             treatment.least_after_mm, treatment.reference_mm,
              no_negative_zero(kPercent * treatment.residual_stenosis(), 0)) +
          stent + occluded;
 }
@@ -396,6 +439,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
     move_to(time_s, phases_at(request.body, time_s));
     if (instruments.is_held()) run.held_s += instruments.step_s();
     if (keeps_balloon_folded(instruments)) run.not_inflated_s += instruments.step_s();
+    if (keeps_stent(instruments)) run.not_released_s += instruments.step_s();
     tell(time_s);
   };
   tell(0);
@@ -411,6 +455,11 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
         "a balloon stayed folded for {:.1f} s, because it was not wholly beyond the introducer and "
         "the instruments around it; advance it before it is inflated",
         run.not_inflated_s));
+  if (run.not_released_s >= kNoticed_s)
+    run.notes.push_back(fmt::format(
+        "a stent stayed in its sheath for {:.1f} s, because it was not wholly beyond the introducer and the "
+        "instruments around it; advance it before the sheath is drawn back",
+        run.not_released_s));
   if (run.held_s >= kNoticed_s)
     run.notes.push_back(
         fmt::format("the hub did not advance for {:.1f} s, because the push force would have exceeded {:g} N",
@@ -426,6 +475,7 @@ std::string to_csv(const Run& run) {
     csv += fmt::format(",{}", columns_of(kColumns, d));
     if (moves) csv += columns_of(kMotionColumns, d);
     if (run.records.front()[d].balloon_mm > 0) csv += columns_of(kBalloonColumns, d);
+    if (run.records.front()[d].free_rings) csv += columns_of(kSheathColumns, d);
   }
   if (!run.records.empty()) csv += ",aortic_mmHg";
   csv += '\n';
@@ -436,6 +486,7 @@ std::string to_csv(const Run& run) {
       csv += fmt::format(",{}", values_of(record));
       if (moves) csv += motion_values_of(record);
       if (record.balloon_mm > 0) csv += fmt::format(",{:.6g},{:.6g}", record.balloon_bar, record.balloon_mm);
+      if (record.free_rings) csv += fmt::format(",{:.6g},{}", record.pose.release_mm, *record.free_rings);
     }
     csv += fmt::format(",{:.6g}\n", row.front().aortic_mmHg);
   }

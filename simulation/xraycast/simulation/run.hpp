@@ -37,9 +37,10 @@ struct RunRequest {
 
 /// Throws InputError for what cannot be run: no tree, instruments that do not fit into each other or into the
 /// vessel at their entry, a script that inserts one beyond its length or inflates what is no balloon or one
-/// beyond its rated burst pressure, a stent longer than any vessel, an injection through no lumen or after
-/// the script's end, and a body that cannot be (see check of BodyRequest). Returns notes: where the
-/// entry was not chosen, other ends that lie as low; an entry that the motion moves away from the introducer.
+/// beyond its rated burst pressure, draws back a sheath that is none or beyond its stent, a stent longer than
+/// any vessel, an injection through no lumen or after the script's end, and a body that cannot be (see check
+/// of BodyRequest). Returns notes: where the entry was not chosen, other ends that lie as low; an entry that
+/// the motion moves away from the introducer.
 std::vector<std::string> check(const RunRequest& request);
 
 /// How instruments are put in for a run.
@@ -63,12 +64,13 @@ struct RunRecord {
   HubPose pose;
   HubLoad load;
   InstrumentTip tip;
-  int contacts = 0;            ///< contact points in contact with a wall
-  double contact_force_N = 0;  ///< sum of the magnitudes of their forces
-  double deepest_mm = 0;       ///< depth in the wall
-  double wall_work_J = 0;      ///< of the moving wall on the instrument so far
-  double balloon_bar = 0;      ///< as far as it is filled; see Instruments::balloon_bar
-  double balloon_mm = 0;       ///< diameter of its balloon; 0 without one
+  int contacts = 0;                 ///< contact points in contact with a wall
+  double contact_force_N = 0;       ///< sum of the magnitudes of their forces
+  double deepest_mm = 0;            ///< depth in the wall
+  double wall_work_J = 0;           ///< of the moving wall on the instrument so far
+  double balloon_bar = 0;           ///< as far as it is filled; see Instruments::balloon_bar
+  double balloon_mm = 0;            ///< diameter of its balloon; 0 without one
+  std::optional<int> free_rings{};  ///< of the stent in its sheath, those that left it; none without a sheath
   double pressure_mmHg = kNoPressure,
          aortic_mmHg = kNoPressure;  ///< of the blood at the tip; without any no number
   std::vector<double> phases{};      ///< of the motion's modes; none without a motion
@@ -91,9 +93,10 @@ struct Run {
   std::vector<RunRecord> last;                  ///< of each instrument, at the time since it began to move
   double held_s = 0;                            ///< for so long a hub did not advance, because of the force
   double not_inflated_s = 0;                    ///< for so long a balloon stayed folded, not being free
+  double not_released_s = 0;                    ///< likewise a stent in a sheath that was drawn back
   std::vector<std::string> notes{};             ///< on the run, besides those of check()
   std::vector<std::string> modes{};             ///< of its motion, in the order of a record's phases
-  std::vector<Treatment> treatments{};          ///< by balloons
+  std::vector<Treatment> treatments{};          ///< by balloons and stents
   std::vector<PressureSample> pressures{};  ///< a hundred a second, fewer in runs longer than kPressures_s
   static constexpr double kPressures_s = 300;
 };
@@ -109,7 +112,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
 /// CSV: a header with the columns' names and units, then a line per record; a group of columns an instrument:
 /// insertion_mm, insertion_2_mm and so on. Of a motion, the modes' phases follow the time, phase_heart and so
 /// on, and each group ends with the tip's place in the scan and the wall's work. An instrument with a balloon
-/// ends with inflation_bar and balloon_mm.
+/// ends with inflation_bar and balloon_mm, one with a stent in a sheath with release_mm and free_rings.
 /// The last column is the aorta's pressure.
 std::string to_csv(const Run& run);
 

@@ -49,16 +49,22 @@ ReportJson json_of(const TreatmentFigures& f) {
                   {"to_mm", t.to_mm},
                   {"from_s", f.began_s},
                   {"to_s", json_of(f.ended_s)},
-                  {"largest_bar", t.largest_bar},
                   {"opened_mm", t.opened_mm},
-                  {"occluded_s", t.occluded_s},
                   {"least_before_mm", t.least_before_mm},
                   {"least_after_mm", t.least_after_mm},
                   {"reference_mm", t.reference_mm},
                   {"stenosis_before_percent", kPercent * t.stenosis_before()},
                   {"residual_stenosis_percent", kPercent * t.residual_stenosis()},
-                  {"balloon_to_vessel", t.balloon_to_vessel()},
                   {"off_narrowest_mm", t.off_narrowest_mm}};
+  if (t.is_release()) {
+    json["oversizing"] = t.oversizing();
+    json["outward_N_mm"] = t.outward_N_mm;
+    json["sheathed_rings"] = t.sheathed_rings;
+  } else {
+    json["largest_bar"] = t.largest_bar;
+    json["occluded_s"] = t.occluded_s;
+    json["balloon_to_vessel"] = t.balloon_to_vessel();
+  }
   if (!t.stent) return json;
   json["stent_mm"] = t.stent_mm;
   json["stent_length_mm"] = t.stent_length_mm;

@@ -89,7 +89,8 @@ bool RunReport::add_hub(std::size_t instrument, const Instruments& instruments) 
   const HubPose& pose = instruments.pose(instrument);
   const double moved_mm = pose.insertion_mm - way.before.insertion_mm,
                turned_rad = pose.rotation_rad - way.before.rotation_rad, step_s = instruments.step_s();
-  const bool inflates = pose.inflation_bar != way.before.inflation_bar;
+  const bool treats =
+      pose.inflation_bar != way.before.inflation_bar || pose.release_mm != way.before.release_mm;
   way.before = pose;
   figures.turned_rad += std::abs(turned_rad);
   if (way.insertion.turns_back(pose.insertion_mm, kTurnsBack_mm)) ++figures.reversals;
@@ -99,7 +100,7 @@ bool RunReport::add_hub(std::size_t instrument, const Instruments& instruments) 
     figures.path_mm += away_mm;
     way.counted_mm = tip_mm;
   }
-  return std::abs(moved_mm) > kIdle_mm_s * step_s || std::abs(turned_rad) > kIdle_rad_s * step_s || inflates;
+  return std::abs(moved_mm) > kIdle_mm_s * step_s || std::abs(turned_rad) > kIdle_rad_s * step_s || treats;
 }
 
 void RunReport::add_loads(std::size_t instrument, const Instruments& instruments) {

@@ -48,7 +48,7 @@ struct TreatmentFigures {
 };
 
 struct RunFigures {
-  double time_s = 0;  ///< since a hub moved first, or its pressure changed
+  double time_s = 0;  ///< since a hub moved first, or its pressure or sheath
   double idle_s = 0;  ///< of that, in which no hub moved
   RunUse use;
   std::vector<InstrumentFigures> instruments;  ///< from the outermost on

@@ -39,16 +39,19 @@ std::vector<std::string> column_names(std::size_t instruments) {
   return names;
 }
 
-/// Of an instrument's balloon, which may be left out.
+/// Of an instrument's balloon, and of its stent's sheath, which may be left out.
 std::string inflation_name(std::size_t instrument) {
   return instrument == 0 ? "inflation_bar" : fmt::format("inflation_{}_bar", instrument + 1);
+}
+std::string release_name(std::size_t instrument) {
+  return instrument == 0 ? "release_mm" : fmt::format("release_{}_mm", instrument + 1);
 }
 
 std::string wanted_columns(const std::vector<std::string>& wanted) {
   const std::size_t instruments = (wanted.size() - 1) / 2;
-  return fmt::format("a script{} has {} and, of balloons, {}",
+  return fmt::format("a script{} has {} and, of balloons, {}, of stents in sheaths, {}",
                      instruments > 1 ? fmt::format(" of {} instruments", instruments) : "",
-                     fmt::join(wanted, ","), inflation_name(0));
+                     fmt::join(wanted, ","), inflation_name(0), release_name(0));
 }
 
 /// The instruments that a script's columns are for.
@@ -58,13 +61,13 @@ std::size_t instruments_in(const std::vector<std::string>& names) {
   return instruments;
 }
 
-bool is_inflation(const std::string& name, std::size_t instruments) {
+bool is_of_treatment(const std::string& name, std::size_t instruments) {
   for (std::size_t d = 0; d < instruments; ++d)
-    if (name == inflation_name(d)) return true;
+    if (name == inflation_name(d) || name == release_name(d)) return true;
   return false;
 }
 
-/// Throws InputError for columns besides those wanted and those of balloons.
+/// Throws InputError for columns besides those wanted and those of balloons and stents.
 void check_others(const std::vector<std::string>& names, const std::vector<std::string>& wanted,
                   const std::string& origin) {
   if (const std::size_t instruments = instruments_in(names); wanted.size() < column_names(instruments).size())
@@ -74,16 +77,16 @@ void check_others(const std::vector<std::string>& names, const std::vector<std::
   for (auto name = names.begin(); name != names.end(); ++name) {
     if (std::find(names.begin(), name, *name) != name)
       throw InputError("{}: line 1: column {} twice; {}", origin, excerpt(*name), wanted_columns(wanted));
-    if (std::ranges::find(wanted, *name) == wanted.end() && !is_inflation(*name, wanted.size() / 2))
+    if (std::ranges::find(wanted, *name) == wanted.end() && !is_of_treatment(*name, wanted.size() / 2))
       throw InputError("{}: line 1: unknown column \"{}\"; {}", origin, excerpt(*name),
                        wanted_columns(wanted));
   }
 }
 
-/// The index of each of the columns wanted, and of those of balloons.
+/// The index of each of the columns wanted, and of those of balloons and stents.
 struct Columns {
   std::vector<std::size_t> wanted;
-  std::vector<std::optional<std::size_t>> inflations;  ///< one an instrument
+  std::vector<std::optional<std::size_t>> inflations, releases;  ///< one an instrument
   std::size_t count = 0;
 };
 Columns columns(const std::string& header, const std::vector<std::string>& wanted,
@@ -95,7 +98,7 @@ Columns columns(const std::string& header, const std::vector<std::string>& wante
     throw InputError(
         "{}: line 1: semicolons; separate columns by commas, and write decimals with a point, not a comma",
         origin);
-  Columns at{.wanted = {}, .inflations = {}, .count = names.size()};
+  Columns at{.wanted = {}, .inflations = {}, .releases = {}, .count = names.size()};
   for (const std::string& name : wanted) {
     const auto found = std::ranges::find(names, name);
     if (found == names.end())
@@ -103,10 +106,14 @@ Columns columns(const std::string& header, const std::vector<std::string>& wante
     at.wanted.push_back(static_cast<std::size_t>(found - names.begin()));
   }
   check_others(names, wanted, origin);
+  const auto find = [&](const std::string& name) -> std::optional<std::size_t> {
+    const auto found = std::ranges::find(names, name);
+    if (found == names.end()) return {};
+    return static_cast<std::size_t>(found - names.begin());
+  };
   for (std::size_t d = 0; d < wanted.size() / 2; ++d) {
-    const auto found = std::ranges::find(names, inflation_name(d));
-    at.inflations.emplace_back();
-    if (found != names.end()) at.inflations.back() = static_cast<std::size_t>(found - names.begin());
+    at.inflations.push_back(find(inflation_name(d)));
+    at.releases.push_back(find(release_name(d)));
   }
   return at;
 }
@@ -140,11 +147,12 @@ void check_pace(const HubPose& from, const HubPose& to, double time_s, const std
   const double turning = std::abs(to.rotation_rad - from.rotation_rad) / time_s;
   constexpr double kRounding = 1 + 1e-9;
   const double inflating = std::abs(to.inflation_bar - from.inflation_bar) / time_s;
-  const double least_s =
-      rounded_up(time_s *
-                 std::max({speed / MovingHub::kMaxSpeed_mm_s, turning / MovingHub::kMaxSpeed_rad_s,
-                           inflating / MovingHub::kMaxInflation_bar_s}) /
-                 kRounding);
+  const double releasing = (to.release_mm - from.release_mm) / time_s;
+  const double least_s = rounded_up(
+      time_s *
+      std::max({speed / MovingHub::kMaxSpeed_mm_s, turning / MovingHub::kMaxSpeed_rad_s,
+                inflating / MovingHub::kMaxInflation_bar_s, releasing / MovingHub::kMaxRelease_mm_s}) /
+      kRounding);
   if (speed > MovingHub::kMaxSpeed_mm_s * kRounding)
     throw InputError("{}: {} would move at {} mm/s; the maximum is {} mm/s: give this motion at least {} s",
                      where, hub, plain(speed), MovingHub::kMaxSpeed_mm_s, plain(least_s));
@@ -157,6 +165,16 @@ void check_pace(const HubPose& from, const HubPose& to, double time_s, const std
         "{}: the pressure at {} would change by {} bar/s; the maximum is {} bar/s: give this change at least "
         "{} s",
         where, hub, plain(inflating), MovingHub::kMaxInflation_bar_s, plain(least_s));
+  if (releasing > MovingHub::kMaxRelease_mm_s * kRounding)
+    throw InputError(
+        "{}: the sheath at {} would be drawn back at {} mm/s; the maximum is {} mm/s: give this motion at "
+        "least "
+        "{} s",
+        where, hub, plain(releasing), MovingHub::kMaxRelease_mm_s, plain(least_s));
+  if (releasing < 0)
+    throw InputError(
+        "{}: the sheath at {} would go back over its stent, from {:g} to {:g} mm; leave it where it is",
+        where, hub, from.release_mm, to.release_mm);
 }
 
 /// `names`: of the columns.
@@ -176,6 +194,10 @@ void check_row(const Script& script, std::size_t r, const std::vector<std::strin
     if (row.pose_of(d).inflation_bar < 0)
       throw InputError("{}: {} {} is below zero; at 0 a balloon is folded", where, inflation_name(d),
                        row.pose_of(d).inflation_bar);
+  for (std::size_t d = 0; d < instruments; ++d)
+    if (row.pose_of(d).release_mm < 0)
+      throw InputError("{}: {} {} is below zero; at 0 all of a stent is in its sheath", where,
+                       release_name(d), row.pose_of(d).release_mm);
   if (r == 0) return;
   const Script::Row& before = script.rows()[r - 1];
   if (!(row.time_s > before.time_s))
@@ -222,6 +244,8 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
       pose.rotation_rad = kRadians * number(values[at.wanted[rotation]], names[rotation], where);
       if (const auto& column = at.inflations[d])
         pose.inflation_bar = number(values[*column], inflation_name(d), where);
+      if (const auto& column = at.releases[d])
+        pose.release_mm = number(values[*column], release_name(d), where);
     }
     rows.push_back(row);
   }
@@ -255,7 +279,8 @@ HubPose Script::pose_at(double time_s, std::size_t instrument) const {
   const HubPose &start = from.pose_of(instrument), &end = to.pose_of(instrument);
   return {std::lerp(start.insertion_mm, end.insertion_mm, fraction),
           std::lerp(start.rotation_rad, end.rotation_rad, fraction),
-          std::lerp(start.inflation_bar, end.inflation_bar, fraction)};
+          std::lerp(start.inflation_bar, end.inflation_bar, fraction),
+          std::lerp(start.release_mm, end.release_mm, fraction)};
 }
 
 }  // namespace xraycast

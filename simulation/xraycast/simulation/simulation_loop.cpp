@@ -130,7 +130,7 @@ void SimulationLoop::publish(std::size_t instrument, InstrumentSnapshot& snapsho
   snapshot.balloon_bar = instruments_->balloon_bar(instrument);
   const auto lengths = instruments_->balloon_lengths(instrument);
   snapshot.balloon_lengths.assign(lengths.begin(), lengths.end());
-  snapshot.carries_stent = instruments_->carries_stent(instrument);
+  snapshot.carried_rings = instruments_->carried_rings(instrument);
   snapshot.nodes_mm.reserve(instruments_->rod(instrument).max_nodes());
   snapshot.contacts.reserve(instruments_->rod(instrument).max_nodes());
   instruments_->copy_nodes(instrument, snapshot.nodes_mm);

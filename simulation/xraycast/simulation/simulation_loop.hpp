@@ -35,7 +35,7 @@ struct InstrumentSnapshot {
   std::vector<InstrumentContact> contacts;
   double balloon_bar = 0;                               ///< see Instruments
   std::vector<YieldingWalls::Opening> balloon_lengths;  ///< likewise
-  bool carries_stent = false;                           ///< likewise
+  int carried_rings = 0;                                ///< likewise
 };
 
 /// What treatments made of the vessels.

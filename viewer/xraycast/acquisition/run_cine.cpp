@@ -158,8 +158,9 @@ std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double
     instruments.copy_nodes(d, nodes_mm);
     if (later_s != 0 && d < before_mm_.size())
       nodes_mm = moved_on(nodes_mm, before_mm_[d], time_s - before_s_, later_s);
-    for (Surface& surface : instrument_surfaces(nodes_mm, instruments.rod(d).instrument(),
-                                                {instruments.balloon_bar(d), instruments.carries_stent(d)}))
+    for (Surface& surface : instrument_surfaces(
+             nodes_mm, instruments.rod(d).instrument(),
+             {instruments.balloon_bar(d), instruments.carried_rings(d), instruments.pose(d).release_mm}))
       surfaces.push_back(std::move(surface));
   }
   add_stents(instruments, surfaces);

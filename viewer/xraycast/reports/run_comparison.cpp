@@ -59,7 +59,7 @@ constexpr std::array<Figure, 14> kOfInstrument{
      {"slips", "slips", "", 0},
      {"whips", "whips", "", 0},
      {"exchanges", "exchanges", "", 0}}};
-constexpr std::array<Figure, 18> kOfTreatment{
+constexpr std::array<Figure, 21> kOfTreatment{
     {{"from_s", "begun", "s", 1},
      {"to_s", "ended", "s", 1},
      {"from_mm", "from, along the vessel", "mm", 1},
@@ -74,6 +74,9 @@ constexpr std::array<Figure, 18> kOfTreatment{
      {"stenosis_before_percent", "stenosis before", "%", 0},
      {"residual_stenosis_percent", "residual stenosis", "%", 0},
      {"off_narrowest_mm", "off the narrowest place", "mm", 1},
+     {"oversizing", "stent to vessel", "", 2},
+     {"outward_N_mm", "stent's force outwards", "N/mm", 2},
+     {"sheathed_rings", "rings still in the sheath", "", 0},
      {"stent_mm", "stent's diameter", "mm", 2},
      {"stent_length_mm", "stent's length", "mm", 1},
      {"malapposition_mm", "struts off the wall, largest", "mm", 2},

@@ -40,6 +40,12 @@ void add_ring(const Ring& circle, double radius_mm, std::vector<glm::vec3>& poin
     points_mm.emplace_back(ring.at_mm(2 * std::numbers::pi * i / kBandSides));
 }
 
+InstrumentPart marker_part(std::vector<glm::dvec3> nodes_mm, const MarkerModel& marker, double radius_mm) {
+  constexpr glm::dvec3 kMarkerColour{0.95, 0.8, 0.35};
+  return {std::move(nodes_mm), std::max(0.0, radius_mm - marker.thickness_mm), marker_per_mm(marker.material),
+          kMarkerColour};
+}
+
 Surface band_surface(const InstrumentPart& part, double radius_mm) {
   if (part.nodes_mm.size() < kFewestNodes) return {};
   return {.mesh = band_mesh(curve_through(part.nodes_mm), radius_mm, part.inner_radius_mm),
@@ -87,6 +93,15 @@ Mesh band_mesh(const NurbsCurve& curve, double radius_mm, double inner_radius_mm
   return mesh;
 }
 
+Surface marker_surface(const DrawnEnd& end, const MarkerModel& marker, double radius_mm) {
+  const InstrumentPart part =
+      marker_part(end.nodes_between(marker.from_tip_mm, marker.end_from_tip_mm()), marker, radius_mm);
+  Surface surface = band_surface(part, radius_mm);
+  surface.mu_per_mm = part.mu_per_mm;
+  surface.colour = part.colour;
+  return surface;
+}
+
 SteeredInstruments::Instrument drawn(const InstrumentModel& model, std::vector<glm::dvec3> nodes_mm) {
   return {.nodes_mm = std::move(nodes_mm),
           .radius_mm = model.radius_mm(),
@@ -95,24 +110,20 @@ SteeredInstruments::Instrument drawn(const InstrumentModel& model, std::vector<g
 }
 
 std::vector<Surface> instrument_surfaces(const std::vector<glm::dvec3>& nodes_mm,
-                                         const InstrumentModel& instrument, const BalloonView& balloon) {
+                                         const InstrumentModel& instrument, const TreatingView& view) {
   std::vector<Surface> surfaces = instrument_surfaces(drawn(instrument, nodes_mm));
-  for (Surface& surface : balloon_surfaces(nodes_mm, instrument, balloon))
+  for (Surface& surface : treating_surfaces(nodes_mm, instrument, view))
     surfaces.push_back(std::move(surface));
   return surfaces;
 }
 
 std::vector<InstrumentPart> instrument_parts(const SteeredInstruments::Instrument& instrument) {
-  constexpr glm::dvec3 kMarkerColour{0.95, 0.8, 0.35};
   std::vector<std::vector<glm::dvec3>> lengths_mm = lengths_of(instrument.nodes_mm, instrument.markers);
   std::vector<InstrumentPart> parts{{std::move(lengths_mm[0]), 0,
                                      instrument.has_lumen ? catheter_per_mm() : wire_per_mm(),
                                      kCatheterColour}};
-  for (std::size_t m = 0; m < instrument.markers.size(); ++m) {
-    const MarkerModel& marker = instrument.markers[m];
-    parts.push_back({std::move(lengths_mm[1 + m]), std::max(0.0, instrument.radius_mm - marker.thickness_mm),
-                     marker_per_mm(marker.material), kMarkerColour});
-  }
+  for (std::size_t m = 0; m < instrument.markers.size(); ++m)
+    parts.push_back(marker_part(std::move(lengths_mm[1 + m]), instrument.markers[m], instrument.radius_mm));
   return parts;
 }
 

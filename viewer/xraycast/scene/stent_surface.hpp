@@ -8,13 +8,15 @@
 #include <glm/vec3.hpp>
 
 #include <functional>
+#include <span>
 #include <vector>
 
 namespace xraycast {
 
-/// The struts and links of a stent that is opened to a radius, as thin tubes of cobalt-chromium: a surface a
-/// ring and a link. `axis_mm`: the place on its axis so far beyond its middle, negative before it.
-std::vector<Surface> stent_surfaces(const StentModel& stent, double radius_mm,
+/// The struts and links of rings of a stent, each opened to a radius, as thin tubes of cobalt-chromium or, of
+/// one that opens itself, of nitinol: a surface a ring and a link. `axis_mm`: the place on their axis so far
+/// beyond their middle, negative before it.
+std::vector<Surface> stent_surfaces(const StentModel& stent, std::span<const double> radii_mm,
                                     const std::function<glm::dvec3(double beyond_mm)>& axis_mm);
 
 /// The same of one that was left in a tree's vessel.

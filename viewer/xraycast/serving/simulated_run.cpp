@@ -116,7 +116,8 @@ std::vector<Surface> SimulatedRun::instruments(double later_s) const {
   for (std::size_t d = 0; d < now_->count(); ++d)
     for (Surface& surface :
          instrument_surfaces(nodes_of(d, later_s), models()[d],
-                             {now_->instrument(d).balloon_bar, now_->instrument(d).carries_stent}))
+                             {now_->instrument(d).balloon_bar, now_->instrument(d).carried_rings,
+                              now_->instrument(d).pose.release_mm}))
       surfaces.push_back(std::move(surface));
   for (std::size_t s = 0; s < stents_.size(); ++s) {
     surfaces.push_back(stents_[s]);
@@ -172,6 +173,8 @@ std::string SimulatedRun::stop_recording() {
     csv += fmt::format(",insertion_{0}_mm,rotation_{0}_deg", d + 1);
   for (std::size_t d = 0; d < now_->count(); ++d)
     if (models()[d].balloon()) csv += d == 0 ? ",inflation_bar" : fmt::format(",inflation_{}_bar", d + 1);
+  for (std::size_t d = 0; d < now_->count(); ++d)
+    if (models()[d].has_sheath()) csv += d == 0 ? ",release_mm" : fmt::format(",release_{}_mm", d + 1);
   csv += '\n';
   for (const Poses& row : recorded_) {
     csv += fmt::format("{:.4f}", row.time_s - recorded_.front().time_s);
@@ -180,6 +183,8 @@ std::string SimulatedRun::stop_recording() {
                          row.hubs[d].rotation_rad * 180 / std::numbers::pi);
     for (std::size_t d = 0; d < now_->count(); ++d)
       if (models()[d].balloon()) csv += fmt::format(",{:.4f}", row.hubs[d].inflation_bar);
+    for (std::size_t d = 0; d < now_->count(); ++d)
+      if (models()[d].has_sheath()) csv += fmt::format(",{:.4f}", row.hubs[d].release_mm);
     csv += '\n';
   }
   return csv;

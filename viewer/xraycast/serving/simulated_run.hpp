@@ -78,6 +78,11 @@ class SimulatedRun {
   void inflate(std::size_t instrument, double bar) { couplings_.inflate(instrument, bar); }
   double inflation_bar(std::size_t instrument) const { return couplings_.inflation_bar(instrument); }
 
+  /// Draws the sheath of an instrument's stent back, by at most MovingHub::kMaxRelease_mm_s. See
+  /// HubCouplings.
+  void draw_sheath(std::size_t instrument, double mm) { couplings_.draw_sheath(instrument, mm); }
+  double sheath_mm(std::size_t instrument) const { return couplings_.sheath_mm(instrument); }
+
   /// What is counted of the run.
   LiveMonitor& monitor() { return monitor_; }
   const LiveMonitor& monitor() const { return monitor_; }

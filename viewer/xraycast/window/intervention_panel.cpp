@@ -98,6 +98,23 @@ void fill_balloon(Intervention& intervention, std::size_t number) {
     write_wrapped(bar > 0 ? "folded: advance it out of what is around it" : "folded");
 }
 
+/// How far its stent's sheath is to be drawn back, which does not go back over it.
+void draw_sheath(Intervention& intervention, std::size_t number) {
+  const InstrumentModel& model = intervention.run().models()[number];
+  if (!model.has_sheath()) return;
+  const InstrumentSnapshot& instrument = intervention.run().now().instrument(number);
+  auto mm = static_cast<float>(intervention.run().sheath_mm(number));
+  const auto drawn_mm = static_cast<float>(instrument.pose.release_mm);
+  ImGui::SetNextItemWidth(8 * ImGui::GetFontSize());
+  if (ImGui::SliderFloat("sheath drawn back, mm", &mm, 0, static_cast<float>(model.max_release_mm()), "%.1f"))
+    intervention.run().draw_sheath(number, std::max(mm, drawn_mm));
+  const int rings = model.stent()->rings, free_rings = rings - instrument.carried_rings;
+  if (free_rings == 0 && drawn_mm == static_cast<float>(model.max_release_mm()))
+    write_wrapped("the stent is not free: advance it out of what is around it");
+  else
+    write_wrapped(fmt::format("{} of {} rings of the stent are free", free_rings, rings));
+}
+
 void show_instrument(Intervention& intervention, std::size_t number) {
   const SimulatedRun& run = intervention.run();
   const InstrumentSnapshot& instrument = run.now().instrument(number);
@@ -114,6 +131,7 @@ void show_instrument(Intervention& intervention, std::size_t number) {
   write_wrapped(fmt::format("tip: {}, at {:.0f} mm", run.tree().title(instrument.tip.branch),
                             no_negative_zero(instrument.tip.arc_length_mm, 0)));
   fill_balloon(intervention, number);
+  draw_sheath(intervention, number);
   show_loads(run, number);
   ImGui::PopID();
 }
