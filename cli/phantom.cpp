@@ -99,6 +99,7 @@ void add_phantom(CLI::App& app, Invocation& invocation) {
                   "  xraycast phantom thorax -o thorax.nrrd --truth thorax-truth/\n"
                   "  xraycast phantom thorax -o inspired.nrrd --phase breath=1 --phase heart=0.4\n"
                   "  xraycast phantom thorax -o thorax.nrrd --coronaries --motion thorax-motion/\n"
+                  "  xraycast phantom thorax -o hip.nrrd --hip-prosthesis 20000\n"
                   "  xraycast phantom head -o head.nii.gz --size 256x256x256\n"
                   "  xraycast phantom shepp-logan -o shepp-logan.mha --spacing 2",
                   [options, &invocation] { make(*options, invocation); });
@@ -123,6 +124,10 @@ void add_phantom(CLI::App& app, Invocation& invocation) {
   command->add_flag("--table", options->phantom.table, "Include the patient table or the headrest");
   command->add_flag("--coronaries", options->phantom.coronaries,
                     "Include the coronary arteries of the thorax");
+  command
+      ->add_option("--hip-prosthesis", options->phantom.hip_prosthesis_hu,
+                   "Give the thorax a left hip of metal with so many HU, 3100 to 30000")
+      ->type_name("HU");
   command
       ->add_option(
           "--phase", options->phases,

@@ -223,7 +223,7 @@ static void store_noisy(const row hu, const XrcPhantomSlab slab, const int x, co
   const int16 xs = x + (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   const row noisy =
       hu + slab.noise_hu * noise(convert_uint16(xs), (uint)y, (uint)(slab.first_slice + z), (uint)slab.seed);
-  store(convert_short16_sat_rte(clamp(noisy, -1024.0f, 3071.0f)), slab.size[0] - x,
+  store(convert_short16_sat_rte(clamp(noisy, -1024.0f, 32767.0f)), slab.size[0] - x,
         out + ((size_t)z * slab.size[1] + y) * slab.size[0] + x);
 }
 

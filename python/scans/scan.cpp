@@ -356,21 +356,24 @@ void add_scan(nb::module_& module) {
       "phantom",
       [](const std::string& name, const ArrayArgument& size, std::optional<double> spacing_mm,
          std::optional<double> noise_hu, bool table, std::uint32_t seed, bool coronaries,
-         std::map<std::string, double> phase, const ProgressArgument& progress) {
+         std::optional<double> hip_prosthesis, std::map<std::string, double> phase,
+         const ProgressArgument& progress) {
         return made_phantom(name,
                             {.spacing_mm = spacing_mm,
                              .noise_hu = noise_hu,
                              .table = table,
                              .coronaries = coronaries,
+                             .hip_prosthesis_hu = hip_prosthesis,
                              .phase = std::move(phase),
                              .seed = seed},
                             size, progress);
       },
       nb::arg("name"), nb::kw_only(), nb::arg("size") = nb::none(), nb::arg("spacing_mm") = nb::none(),
       nb::arg("noise_hu") = nb::none(), nb::arg("table") = false, nb::arg("seed") = 1,
-      nb::arg("coronaries") = false, nb::arg("phase") = nb::dict(), nb::arg("progress") = nb::none(),
+      nb::arg("coronaries") = false, nb::arg("hip_prosthesis") = nb::none(), nb::arg("phase") = nb::dict(),
+      nb::arg("progress") = nb::none(),
       "A synthetic CT scan of known anatomy: thorax, head, abdomen, cylinder, sphere, box or shepp-logan.\n\n"
-      "size: voxels (x, y, z).  coronaries: of the thorax.\n"
+      "size: voxels (x, y, z).  coronaries: of the thorax.  hip_prosthesis: of the thorax: HU of its metal.\n"
       "phase: of its movements, 0 to 1, such as {'breath': 1, 'heart': 0.4} of the thorax or {'turn': 1} of "
       "the "
       "head.");

@@ -355,6 +355,8 @@ const BadCall kBadCalls[] = {
      "--phase breath: the phantom head has no such movement; choose one of turn"},
     {"CoronariesOfAHead", "phantom head -o @/out.nrrd --coronaries", 3,
      "the phantom head has none; make thorax"},
+    {"HipOfWater", "phantom thorax -o @/out.nrrd --hip-prosthesis 0", 3,
+     "--hip-prosthesis 0: must be 3100 to 30000 HU"},
     {"SpacingWithoutMotion", "phantom thorax -o @/out.nrrd --motion-spacing 3", 2,
      "--motion-spacing requires --motion"},
     {"MotionOfABox", "phantom box -o @/out.nrrd --motion @/motion", 3, "the phantom box does not move"},

@@ -249,6 +249,30 @@ void expect_places(const Phantom& phantom, std::initializer_list<Place> places) 
   }
 }
 
+TEST(Thorax, HasAHipOfMetal) {
+  std::mt19937 random(3);
+  for (int seed = 0; seed < 5; ++seed) {
+    const double hu = std::uniform_real_distribution(3100.0, 30000.0)(random);
+    const Phantom with = make_phantom("thorax", {.spacing_mm = 1.0, .noise_hu = 0, .hip_prosthesis_hu = hu}),
+                  without = make_phantom("thorax", {.spacing_mm = 1.0, .noise_hu = 0});
+    // The head, the neck, the stem, and the cup's inner side.
+    for (const glm::dvec3& metal : {glm::dvec3(91, 0, -283), glm::dvec3(108, 2, -294),
+                                    glm::dvec3(143, 8, -350), glm::dvec3(91 - 25.5, 0, -283)})
+      EXPECT_NEAR(with.hu_at(metal), hu, 0.01);  // shapes hold it in 32 bits
+    EXPECT_LT(with.hu_at({91 - 20, 0, -283}), 0) << "the liner is of polyethylene";
+    // The other hip is bone still, and all that is further than 4 cm away and above is as it was.
+    for (const glm::dvec3& other :
+         {glm::dvec3(-91, 0, -283), glm::dvec3(0, 40, -200), glm::dvec3(91, 0, -240)})
+      EXPECT_EQ(with.hu_at(other), without.hu_at(other));
+  }
+  EXPECT_EQ(message_of("thorax", {.hip_prosthesis_hu = 3000}),
+            "`hip_prosthesis` 3000: must be 3100 to 30000 HU");
+  EXPECT_EQ(message_of("thorax", {.hip_prosthesis_hu = std::nan("")}),
+            "`hip_prosthesis` nan: must be 3100 to 30000 HU");
+  EXPECT_EQ(message_of("head", {.hip_prosthesis_hu = 20000}),
+            "`hip_prosthesis`: the phantom head has none; make thorax");
+}
+
 TEST(Thorax, HasItsOrgansOnTheirSides) {
   expect_places(make_phantom("thorax"), {
                                             {"air in front", {0, -180, 100}, -1000, -1000},

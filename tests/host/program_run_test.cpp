@@ -1,4 +1,4 @@
-#include "xraycast/base/program_run.hpp"
+#include "xraycast/phase_registration/program_run.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"

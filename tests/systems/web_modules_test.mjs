@@ -408,6 +408,10 @@ test("what the program and the page both say is the same", () => {
   assert.match(text("src/shaders/columns.glsl"), new RegExp(`place & ${angles}, layer = place >> ${Math.log2(angles + 1)};`));
   const viewer = "../viewer/xraycast/scene/catheter_surface.cpp", image = "../host/xraycast/base/image.cpp";
   for (const [there, in_viewer, here, in_page] of [
+    ...["kBins", "kRise", "kLeast", "kMost", "kStays", "kEdges"].map((name) => {
+      const said = new RegExp(`\\b${name} = ([\\d.]+)`);
+      return ["../host/xraycast/base/metal_depth.cpp", said, "grey_window.ts", said];
+    }),
     [viewer, /kBandRingsPerNode = (\d+)/, "instrument_shape.ts", /kBandRingsPerPoint = (\d+)/],
     ["../viewer/xraycast/scene/catheter_surface.hpp", /kBandSides = (\d+)/, "instrument_shape.ts", /kBandSides = (\d+)/],
     [viewer, /kRingsPerNode = (\d+)/, "instrument_shape.ts", /kRingsPerPoint = (\d+)/], [viewer, /kSides = (\d+)/, "instrument_shape.ts", /kSides = (\d+)/],

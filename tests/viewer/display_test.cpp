@@ -159,16 +159,17 @@ TEST(DynamicRange, NothingChangesWithoutStrength) {
 
 TEST(DisplayWindow, FollowsTheBodyAndNothingElse) {
   DisplayWindow window(kSize);
-  const PixelPlane field = plane_of([](int i, int) { return i < 400 ? 1 : 0; });
+  const PixelPlane field = plane_of([](int i, int) { return i < 400 ? 1 : 0; }),
+                   left = plane_of([](int, int) { return 0.05; });
   const auto follow = [&](double brightest) {
     // The body is a ramp from 4, beside it the open field, behind blades nearly nothing.
     const PixelPlane logarithm = plane_of([&](int i, int) {
       return i >= 400 ? 0.1 : i >= 300 ? 9.5 : 4 + (brightest - 4) * i / 300;
     });
-    window.begin(9.5);
+    window.begin(9.5, left, field);
     for (int j = 0; j < kSize.height; ++j) {
       const std::size_t at = kSize.row(j);
-      window.count_row(j, logarithm.data() + at, logarithm.data() + at, field.data() + at);
+      window.count_row(j, logarithm.data() + at, logarithm.data() + at, left.data() + at, field.data() + at);
     }
     window.follow();
   };
@@ -237,6 +238,70 @@ TEST(DisplayChain, ABodysRangeIsShown) {
   }
   EXPECT_LT(most, 0.01);
   EXPECT_GT(without, 0.05);  // otherwise these bodies prove nothing
+}
+
+/// Trunks with or without a hip prosthesis of steel or more: a ball and a stem.
+std::vector<float> hip(std::uint32_t seed, int side, bool has_metal) {
+  std::mt19937 random(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution(low, high)(random);
+  };
+  const double trunk = uniform(3, 5), spine = uniform(0.5, 1.2), metal = uniform(3, 20),
+               ball = uniform(0.08, 0.15), stem = uniform(0.03, 0.06), at_x = uniform(-0.6, 0.6),
+               at_y = uniform(-0.5, 0.3);
+  std::vector<float> tau;
+  for (int j = 0; j < side; ++j)
+    for (int i = 0; i < side; ++i) {
+      const double x = 2.0 * i / side - 1, y = 2.0 * j / side - 1;
+      double depth = trunk * std::sqrt(std::max(0.0, 1 - std::pow(x / 1.2, 2)));
+      depth += spine * ramp(0.12 - std::abs(x), 0.01);
+      const double of_ball = 1 - (std::pow(x - at_x, 2) + std::pow(y - at_y, 2)) / (ball * ball),
+                   of_stem = y > at_y && y < at_y + 0.5 ? 1 - std::pow((x - at_x) / stem, 2) : 0;
+      if (has_metal)
+        depth += metal *
+                 std::max(std::sqrt(std::max(of_ball, 0.0)), stem / ball * std::sqrt(std::max(of_stem, 0.0)));
+      tau.push_back(static_cast<float>(depth));
+    }
+  return tau;
+}
+
+/// Greys by which a trunk's depths differ, from the right of the spine to near the picture's edge.
+double anatomy_contrast(const std::vector<std::uint8_t>& shown, int side) {
+  const auto mean_about = [&](double x) {
+    double sum = 0, count = 0;
+    for (int j = side / 16; j < side / 8; ++j)
+      for (int i = -8; i <= 8; ++i, ++count)
+        sum += shown[static_cast<std::size_t>(j * side + i) + static_cast<std::size_t>((x + 1) / 2 * side)];
+    return sum / count;
+  };
+  return mean_about(0.9) - mean_about(0);
+}
+
+TEST(DisplayChain, MetalLeavesTheBodyItsContrast) {
+  constexpr int kSide = 480;
+  constexpr std::uint32_t kSeeds = 16;
+  double sum = 0;
+  for (std::uint32_t seed = 1; seed <= kSeeds; ++seed) {
+    FluoroscopyOptions options;
+    options.c_arm = CArm::named("fixed-single-plane");
+    options.seed = seed;
+    const View view{.cone = Cone{785, 1200}, .width = kSide, .height = kSide, .pixel_mm = 0.616};
+    const auto shown = [&](bool has_metal) {
+      const std::vector<float> tau = hip(seed, kSide, has_metal);
+      Fluoroscope fluoroscope(options, view, WaterPath(Opacity("water", {{-1000, 0}, {0, 0.02}})));
+      fluoroscope.settle(tau);
+      return fluoroscope.expose(tau).shown;
+    };
+    const std::vector<std::uint8_t> with = shown(true), without = shown(false);
+    EXPECT_LT(share_at_the_ends(hip(seed, kSide, true), with), 0.01) << seed;
+    const double ratio = anatomy_contrast(with, kSide) / anatomy_contrast(without, kSide);
+    // Metal has a twelfth of the greys; where it lies in the measuring field the exposure rises, and what it
+    // hides of the body is no more in the body's range.
+    EXPECT_GT(ratio, 0.75) << seed;
+    EXPECT_LT(ratio, 1.15) << seed;
+    sum += ratio / kSeeds;
+  }
+  EXPECT_GT(sum, 0.88);
 }
 
 /// The contrast in greys, on the last pulses, of a wire of steel, 0.36 mm thick, that moves by `pixels` a

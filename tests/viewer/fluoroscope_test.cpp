@@ -501,7 +501,7 @@ TEST(DisplayChain, TheTemporalFilterReducesNoise) {
       noise[i] =
           0.1f *
           normals_of(random_pair(static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(frame), 5)).first;
-    display.show(noise, field, {.measured = 0, .open = 2}, false, true, grey.data());
+    display.show({noise, field, field}, {.measured = 0, .open = 2}, false, true, grey.data());
   }
   shown.assign(grey.begin(), grey.end());
   // Edge enhancement of 0.7 against the mean of nine: 1.7^2 - 2 (1.7)(0.7)/9 + 0.7^2 / 9; the filter's weight

@@ -6,7 +6,7 @@ root=$(cd "$(dirname "$0")/../.." && pwd)
 file=$1
 folder=${2:-$root/build/wasm}
 sources="
-  host/xraycast/base/json_text host/xraycast/base/plain_text host/xraycast/base/pluralize host/xraycast/base/printable
+  host/xraycast/base/json_text host/xraycast/base/metal_depth host/xraycast/base/plain_text host/xraycast/base/pluralize host/xraycast/base/printable
   host/xraycast/geometry/branch_names host/xraycast/geometry/nurbs_curve host/xraycast/geometry/segment_index host/xraycast/geometry/tube host/xraycast/geometry/vessel_tree
   host/xraycast/motion/body_clock host/xraycast/motion/displacement host/xraycast/motion/motion host/xraycast/motion/motion_mode
   host/xraycast/projection/view

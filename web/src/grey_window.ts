@@ -13,12 +13,33 @@ export interface GreyWindow {
 /** The value of a sorted list that `share` of the values do not exceed. */
 const quantile = (sorted: Float32Array, share: number): number => sorted[Math.floor(share * (sorted.length - 1))]!;
 
-/** From slightly below a picture's darkest to its lightest value, on a scale of twice the depth of its denser parts. */
+/** The depth beyond which pixels show metal, of sorted depths of a body; Infinity without any (host/xraycast/base/metal_depth.hpp). */
+export function metal_from(sorted: Float32Array): number {
+  const kBins = 1024, kPerDepth = 20, kRise = 30, kLeast = 0.001, kMost = 0.25, kStays = 0.45, kEdges = 0.5;
+  const above = new Float64Array(kBins + kRise);
+  for (const depth of sorted) ++above[Math.floor(clamp(depth * kPerDepth, 0, kBins - 1))]!;
+  for (let bin = kBins - 1; bin-- > 0;) above[bin]! += above[bin + 1]!;
+  let most = kStays, rise = kBins;
+  for (let bin = 0; bin < kBins; ++bin) {
+    const here = above[bin]!, higher = above[bin + kRise]!;
+    if (here > kMost * above[0]! || higher <= kLeast * above[0]! || higher <= most * here) continue;
+    [most, rise] = [higher / here, bin];
+  }
+  if (rise === kBins) return Infinity;
+  const with_edges = above[rise]! / kEdges;
+  while (rise > 0 && above[rise - 1]! <= with_edges) --rise;
+  return rise / kPerDepth;
+}
+
+/** From slightly below a picture's darkest to its lightest value, on a scale of twice the depth of its denser parts; metal is left out. */
 export function automatic_window(tau: Float32Array): GreyWindow {
   const kMatter = 0.05, kHeadroom = 1.15;
-  const sorted = tau.slice().sort();
-  let first = 0;
-  while (first < sorted.length && sorted[first]! <= kMatter) ++first;
+  const first_above = (depths: Float32Array, least: number): number => {
+    const found = depths.findIndex((depth) => depth > least);
+    return found < 0 ? depths.length : found;
+  };
+  const whole = tau.slice().sort(), sorted = whole.subarray(0, first_above(whole, metal_from(whole.subarray(first_above(whole, kMatter)))));
+  const first = first_above(sorted, kMatter);
   const matter = sorted.subarray(first), typical = matter.length > 0 ? quantile(matter, 0.9) : kMatter;
   const scale = 2 * typical, light = Math.exp(-quantile(sorted, 0.001) / scale);
   return { scale, dark: Math.min(Math.exp((-kHeadroom * quantile(sorted, 0.999)) / scale), 0.8 * light), light, gamma: 1, inverted: false };

@@ -1,5 +1,7 @@
 #include "xraycast/base/image.hpp"
 
+#include "xraycast/base/metal_depth.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -8,6 +10,19 @@ namespace {
 
 std::uint8_t grey(double share) {
   return static_cast<std::uint8_t>(std::lround(255 * std::clamp(share, 0.0, 1.0)));
+}
+
+constexpr float kMatter = 0.05f;  // lower values are air and cloth, which do not affect the window
+
+/// The depths that are not metal's.
+std::vector<float> without_metal(std::span<const float> tau) {
+  DepthCounts counts;
+  for (const float t : tau)
+    if (t > kMatter) counts.add(t);
+  std::vector<float> anatomy;
+  const std::optional<float> metal = counts.metal_from();
+  std::ranges::copy_if(tau, std::back_inserter(anatomy), [&](float t) { return !metal || t <= *metal; });
+  return anatomy;
 }
 
 }  // namespace
@@ -20,7 +35,6 @@ float quantile(std::vector<float> values, double share) {
 }
 
 double typical_depth(std::span<const float> tau) {
-  constexpr float kMatter = 0.05f;  // lower values are air and cloth, which do not affect the window
   std::vector<float> matter;
   std::ranges::copy_if(tau, std::back_inserter(matter), [](float t) { return t > kMatter; });
   return matter.empty() ? double{kMatter} : quantile(std::move(matter), 0.9);
@@ -33,8 +47,8 @@ double GreyWindow::grey(double tau) const {
 }
 
 GreyWindow automatic_window(std::span<const float> tau, double gamma, bool inverted, double least_depth) {
-  const double scale = 2 * std::max(typical_depth(tau), least_depth);
-  const std::vector<float> all(tau.begin(), tau.end());
+  const std::vector<float> all = without_metal(tau);
+  const double scale = 2 * std::max(typical_depth(all), least_depth);
   constexpr double kHeadroom = 1.15;  // keeps the darkest parts above black, where contrast is lost
   const double light = std::exp(-quantile(all, 0.001) / scale);
   return {scale, std::min(std::exp(-kHeadroom * quantile(all, 0.999) / scale), 0.8 * light), light, gamma,

@@ -176,6 +176,12 @@ Phantom make_phantom(const std::string& name, const PhantomOptions& options) {
     throw InputError("phantom {}: noise of {} HU must be finite and not negative", name, noise_hu);
   if (options.coronaries && name != "thorax")
     throw InputError("`coronaries`: the phantom {} has none; make thorax", name);
+  if (const auto& hu = options.hip_prosthesis_hu) {
+    constexpr double kLeast = 3100, kMost = 30000;  // noise stays below what voxels hold
+    if (name != "thorax") throw InputError("`hip_prosthesis`: the phantom {} has none; make thorax", name);
+    if (!(*hu >= kLeast && *hu <= kMost))
+      throw InputError("`hip_prosthesis` {:g}: must be {:g} to {:g} HU", *hu, kLeast, kMost);
+  }
   const VolumeGeometry geometry = geometry_of(kind, options);
   PhantomBody body = kind.make(options);
   PhantomMotion motion(body.modes, phases_of(body.modes, options.phase, name));

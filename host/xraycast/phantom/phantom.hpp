@@ -25,6 +25,8 @@ struct PhantomOptions {
       std::nullopt;         ///< standard deviation; otherwise mild for a body, none for a geometric shape
   bool table = false;       ///< a body lies on the scanner's table
   bool coronaries = false;  ///< of the thorax: its vessels have the coronary arteries too
+  /// Of the thorax: its left hip is a prosthesis of metal with so many HU, 3,100 to 30,000.
+  std::optional<double> hip_prosthesis_hu = std::nullopt;
   std::map<std::string, double> phase{};  ///< of its modes by their names, 0 to 1; the others are at 0
   std::uint32_t seed = 1;                 ///< of the noise
 };
@@ -102,8 +104,9 @@ std::vector<std::string> phantom_names();
 /// - `shepp-logan`: see shepp_logan_ellipsoids.
 ///
 /// The volume's centre is the origin, but for the abdomen's, which lies 40 mm below that of its thorax.
-/// Throws InputError for another name, an invalid size or spacing, a negative noise, coronary arteries of
-/// another phantom than the thorax, or phases of modes that the phantom does not have.
+/// Throws InputError for another name, an invalid size or spacing, a negative noise, coronary arteries or a
+/// prosthesis of another phantom than the thorax, one of other HU, or phases of modes that the phantom does
+/// not have.
 Phantom make_phantom(const std::string& name, const PhantomOptions& options = {});
 
 /// An ellipsoid rotated about z, which adds `density` inside.

@@ -144,6 +144,27 @@ void proximal_femur(PhantomScene& scene, double side) {
   }
 }
 
+/// A prosthesis in place of a hip: cup and liner in the acetabulum, a head of 32 mm, and a stem that is
+/// cemented nowhere and ends in the femur's shaft.
+void hip_prosthesis(PhantomScene& scene, double side, double metal_hu) {
+  constexpr double kPolyethylene_hu = -90;
+  const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
+  const glm::dvec3 hip = hip_centre(side), outwards = glm::normalize(at(125, 4, -305) - hip);
+  const auto sphere = [&](double hu, double radius_mm) {
+    scene.paint(hu);
+    scene.ellipsoid(hip, glm::dvec3(radius_mm));
+  };
+  sphere(metal_hu, 27);
+  sphere(kPolyethylene_hu, 24);
+  scene.paint(kMuscle_hu);  // the cup is open outwards
+  scene.superellipsoid(hip + 18.0 * outwards, {30, 30, 14}, 2, 6, axes_along(outwards));
+  scene.paint(metal_hu);
+  scene.ellipsoid(hip, glm::dvec3(16));
+  scene.capsule({hip, 7}, {at(122, 4, -304), 8});
+  scene.tube(
+      curve({{at(122, 4, -304), 9}, {at(136, 8, -322), 10}, {at(143, 8, -350), 8}, {at(143, 6, -400), 6.5}}));
+}
+
 void pelvis(PhantomScene& scene) {
   sacrum(scene);
   sacral_foramina(scene);
@@ -181,6 +202,7 @@ PhantomBody make_thorax(const PhantomOptions& options) {
   paint_airways_and_bones(scene);
   for (const double side : kSides) shoulder(scene, side);
   pelvis(scene);
+  if (options.hip_prosthesis_hu) hip_prosthesis(scene, 1, *options.hip_prosthesis_hu);
   std::vector<VesselCourse> courses = vessel_courses("thorax_vessels");
   if (options.coronaries) courses = vessel_courses("thorax_coronaries", std::move(courses));
   std::vector<VesselBranch> arteries = grow_vessels(courses);

@@ -2,10 +2,10 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/plain_text.hpp"
-#include "xraycast/base/program_run.hpp"
 #include "xraycast/base/temporary_folder_on_disk.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/motion/itk_transform.hpp"
+#include "xraycast/phase_registration/program_run.hpp"
 
 #include <fmt/format.h>
 #include <glm/common.hpp>

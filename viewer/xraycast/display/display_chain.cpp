@@ -56,10 +56,11 @@ void DisplayChain::take_logarithm(const std::uint16_t* codes, int count, float* 
   for (int i = 0; i < count; ++i) logarithm[i] = logarithms_[codes[i]];
 }
 
-void DisplayChain::show(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels,
-                        bool is_recording, bool is_processed, std::uint8_t* grey) {
+void DisplayChain::show(const Detected& detected, const Levels& levels, bool is_recording, bool is_processed,
+                        std::uint8_t* grey) {
+  const PixelPlane& logarithm = detected.logarithm;
   const bool compresses = is_processed && compression_;
-  if (compresses) compression_->compress(logarithm, field, levels);
+  if (compresses) compression_->compress(logarithm, detected.left, detected.field, levels);
   const PixelPlane* shown = compresses ? &compression_->picture : &logarithm;
   if (is_processed) {
     sharpen(*shown);
@@ -67,14 +68,13 @@ void DisplayChain::show(const PixelPlane& logarithm, const PixelPlane& field, co
     filter_.add(sharpened_);
     shown = &filter_.average();
   }
-  const float middle = compresses ? compression_->window.middle() : static_cast<float>(levels.measured),
-              width = compresses ? compression_->window.width() : kWindowWidth;
-  constexpr float kMiddle = 127.5f, kWhite = 255;
-  const float per_log = kWhite / width;
+  constexpr float kMiddle = 127.5f, kPerLog = 255 / kWindowWidth;
+  const GreyLine fixed{kPerLog, kMiddle - kPerLog * static_cast<float>(levels.measured)},
+      body = compresses ? compression_->window.body() : fixed,
+      metal = compresses ? compression_->window.metal() : fixed;
   for_bands(size_, [&](int first, int end) {
     for (int j = first; j < end; ++j)
-      windowed_row(shown->data() + size_.row(j), per_log, kMiddle - per_log * middle, size_.width,
-                   grey + size_.row(j));
+      windowed_row(shown->data() + size_.row(j), body, metal, size_.width, grey + size_.row(j));
   });
 }
 
@@ -85,17 +85,17 @@ DisplayChain::Compression::Compression(const PictureSize& of_pictures, double pi
       window(size),
       picture(size.pixels()) {}
 
-void DisplayChain::Compression::compress(const PixelPlane& logarithm, const PixelPlane& field,
-                                         const Levels& levels) {
+void DisplayChain::Compression::compress(const PixelPlane& logarithm, const PixelPlane& left,
+                                         const PixelPlane& field, const Levels& levels) {
   range.measure(logarithm);
-  window.begin(levels.open);
+  window.begin(levels.open, left, field);
   const auto middle = static_cast<float>(levels.measured);
   for_bands(size, [&](int first, int end) {
     for (int j = first; j < end; ++j) {
       const std::size_t at = size.row(j);
       range.compress_row(j, logarithm.data() + at, strength, middle, picture.data() + at);
       blank_row(field.data() + at, size.width, picture.data() + at);
-      window.count_row(j, logarithm.data() + at, picture.data() + at, field.data() + at);
+      window.count_row(j, logarithm.data() + at, picture.data() + at, left.data() + at, field.data() + at);
     }
   });
   window.follow();

@@ -10,8 +10,8 @@
 
 namespace xraycast {
 
-/// From the detector's codes to the greys on the display: logarithm, compression of the range, edge
-/// enhancement, temporal filter, window. The window fits what the body shows; without compression
+/// From the detector's codes to the greys on the display: logarithm, compression of the
+/// range, edge enhancement, temporal filter, window. The window fits what the body shows; without compression
 /// it has a fixed width and follows the level of the measuring field.
 class DisplayChain {
  public:
@@ -31,16 +31,23 @@ class DisplayChain {
     double open;      ///< the open field's, as far as codes reach
   };
 
-  /// One frame. Recorded frames are not filtered over time. `field`: the share of the beam that reaches each
-  /// pixel.
-  void show(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels, bool is_recording,
-            bool is_processed, std::uint8_t* grey);
+  /// What a frame is shown of.
+  struct Detected {
+    const PixelPlane& logarithm;
+    const PixelPlane& left;   ///< by the body of the beam, without scatter and noise
+    const PixelPlane& field;  ///< the share of the beam that reaches each pixel
+  };
+
+  /// One frame. Recorded frames are not filtered over time.
+  void show(const Detected& detected, const Levels& levels, bool is_recording, bool is_processed,
+            std::uint8_t* grey);
 
  private:
   /// The range of pictures of one size.
   struct Compression {
     Compression(const PictureSize& size, double pixel_mm, double share);
-    void compress(const PixelPlane& logarithm, const PixelPlane& field, const Levels& levels);
+    void compress(const PixelPlane& logarithm, const PixelPlane& left, const PixelPlane& field,
+                  const Levels& levels);
 
     PictureSize size;
     float strength;

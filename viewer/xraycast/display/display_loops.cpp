@@ -61,6 +61,17 @@ void windowed_row(const float* __restrict logarithm, float per_log, float middle
 }
 
 XRAYCAST_WIDE_VECTORS
+void windowed_row(const float* __restrict logarithm, const GreyLine& a, const GreyLine& b, int count,
+                  std::uint8_t* __restrict grey) {
+  const float a_per_log = a.per_log, a_at_zero = a.at_zero, b_per_log = b.per_log, b_at_zero = b.at_zero;
+  for (int i = 0; i < count; ++i) {
+    const float by_a = logarithm[i] * a_per_log + a_at_zero, by_b = logarithm[i] * b_per_log + b_at_zero,
+                value = by_a > by_b ? by_a : by_b;
+    grey[i] = static_cast<std::uint8_t>(static_cast<int>(value > 0 ? (value < 255 ? value : 255) : 0));
+  }
+}
+
+XRAYCAST_WIDE_VECTORS
 void compressed_row(const float* __restrict logarithm, const float* __restrict slope,
                     const float* __restrict start, float offset, int count, float* __restrict out) {
   for (int i = 0; i < count; ++i) out[i] = logarithm[i] - slope[i] * logarithm[i] - start[i] + offset;

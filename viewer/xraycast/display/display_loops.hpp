@@ -31,6 +31,14 @@ void recursive_row(const float* now, const float* lines, const float* usual, con
                    int count, float* shown);
 void windowed_row(const float* logarithm, float per_log, float middle, int count, std::uint8_t* grey);
 
+/// A grey of 0 to 255 by a logarithm.
+struct GreyLine {
+  float per_log, at_zero;
+};
+/// The larger of two.
+void windowed_row(const float* logarithm, const GreyLine& a, const GreyLine& b, int count,
+                  std::uint8_t* grey);
+
 /// out = logarithm - (slope * logarithm + start) + offset
 void compressed_row(const float* logarithm, const float* slope, const float* start, float offset, int count,
                     float* out);

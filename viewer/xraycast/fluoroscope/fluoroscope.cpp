@@ -202,10 +202,11 @@ void Fluoroscope::State::show() {
     return std::log(std::max(1.0, kev * stages.electronics.digitiser().codes_per_kev));
   };
   const double open_kev = generator.open_quanta() * generator.beam_and_table().beam->open.mean_kev();
-  stages.display.show(frame.logarithm, stages.seen.field,
-                      {.measured = logarithm_of(frame.mean_kev),
-                       .open = logarithm_of(std::min(open_kev, generator.full_scale_kev()))},
-                      options.dose == DoseLevel::cine, options.stages.display, frame.shown.data());
+  stages.display.show(
+      {.logarithm = frame.logarithm, .left = stages.absorption.share, .field = stages.seen.field},
+      {.measured = logarithm_of(frame.mean_kev),
+       .open = logarithm_of(std::min(open_kev, generator.full_scale_kev()))},
+      options.dose == DoseLevel::cine, options.stages.display, frame.shown.data());
 }
 
 const FluoroscopyFrame& Fluoroscope::State::expose(const RayDepths& rays) {
