@@ -1,5 +1,6 @@
 #include "xraycast/display/display_window.hpp"
 #include "xraycast/display/dynamic_range.hpp"
+#include "xraycast/display/starved_pixels.hpp"
 #include "xraycast/display/temporal_filter.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 
@@ -155,6 +156,71 @@ TEST(DynamicRange, InstrumentsAreSeenAcrossEdges) {
 TEST(DynamicRange, NothingChangesWithoutStrength) {
   const PixelPlane logarithm = plane_of([](int i, int j) { return 5 + std::sin(0.1 * i) + 0.01 * j; });
   EXPECT_EQ(compressed(logarithm, 0.3, 0), logarithm);
+}
+
+/// A picture of pixels' noise, with a code of 300 for no signal.
+constexpr CodeNoise kNoise{.dark = 300, .electronic = 12, .per_code = 2};
+
+std::vector<std::uint16_t> noisy_codes(double signal, std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal(
+      0, std::sqrt(kNoise.electronic * kNoise.electronic + kNoise.per_code * signal));
+  std::vector<std::uint16_t> codes;
+  for (std::size_t i = 0; i < kSize.pixels(); ++i)
+    codes.push_back(
+        static_cast<std::uint16_t>(std::max(0.0, std::round(kNoise.dark + signal + normal(random)))));
+  return codes;
+}
+
+PixelPlane logarithms_of(const std::vector<std::uint16_t>& codes) {
+  PixelPlane logarithm;
+  for (const std::uint16_t code : codes)
+    logarithm.push_back(std::log(std::max(1.0f, static_cast<float>(code) - kNoise.dark)));
+  return logarithm;
+}
+
+TEST(StarvedPixels, AreNoBlackSpecks) {
+  StarvedPixels starved(kSize);
+  starved.set_noise(kNoise);
+  for (const double signal : {5.0, 12.0, 25.0, 45.0}) {
+    const std::vector<std::uint16_t> codes = noisy_codes(signal, 3);
+    const PixelPlane raw = logarithms_of(codes), calm = starved.calmed(codes, raw);
+    const auto specks = [&](const PixelPlane& shown) {
+      const auto dark = std::ranges::count_if(shown, [&](float l) { return l < std::log(signal) - 1.2; });
+      return static_cast<double>(dark) / static_cast<double>(shown.size());
+    };
+    std::vector<double> spread, before;
+    for (const float l : calm) spread.push_back(l);
+    for (const float l : raw) before.push_back(l);
+    EXPECT_GT(specks(raw), 0.001) << signal;  // otherwise this proves nothing
+    // A fifth of the mean, which has a fifth of the noise itself: of a signal of 5 and 12 that is a half and
+    // a quarter, of the others a tenth; what is beyond 3.5 deviations is a speck.
+    EXPECT_LT(specks(calm), signal < 10 ? 0.06 : signal < 20 ? 0.005 : 0.001) << signal;
+    EXPECT_LT(spread_of(spread), signal < 10 ? 0.6 : 0.35) << signal;
+    EXPECT_GT(spread_of(before), spread_of(spread)) << signal;
+  }
+}
+
+TEST(StarvedPixels, ChangeNothingWhereThereIsLight) {
+  StarvedPixels starved(kSize);
+  starved.set_noise(kNoise);
+  const std::vector<std::uint16_t> codes = noisy_codes(400, 4);
+  const PixelPlane raw = logarithms_of(codes);
+  EXPECT_EQ(&starved.calmed(codes, raw), &raw);
+  // Beside a dark half the bright one keeps its pixels, but for those whose mean reaches into the dark.
+  std::vector<std::uint16_t> half = codes;
+  const std::vector<std::uint16_t> dark = noisy_codes(15, 5);
+  for (int j = 0; j < kSize.height; ++j)
+    for (int i = 0; i < kSize.width / 2; ++i) {
+      const std::size_t at = kSize.row(j) + static_cast<std::size_t>(i);
+      half[at] = dark[at];
+    }
+  const PixelPlane mixed = logarithms_of(half), calm = starved.calmed(half, mixed);
+  for (int j = 0; j < kSize.height; ++j)
+    for (int i = kSize.width / 2 + 3; i < kSize.width; ++i) {
+      const std::size_t at = kSize.row(j) + static_cast<std::size_t>(i);
+      ASSERT_EQ(calm[at], mixed[at]);
+    }
 }
 
 TEST(DisplayWindow, FollowsTheBodyAndNothingElse) {

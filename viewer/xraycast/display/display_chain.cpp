@@ -34,7 +34,7 @@ void blank_row(const float* field, int width, float* picture) {
 }  // namespace
 
 DisplayChain::DisplayChain(const PictureSize& size, double pixel_mm, double compression)
-    : size_(size), sharpened_(size.pixels()), filter_(size) {
+    : size_(size), starved_(size), sharpened_(size.pixels()), filter_(size) {
   if (compression > 0) compression_.emplace(size, pixel_mm, compression);
 }
 
@@ -43,13 +43,15 @@ void DisplayChain::forget() {
   if (compression_) compression_->window.forget();
 }
 
-void DisplayChain::set_codes(int bits, float dark) {
-  if (bits == bits_ && dark == dark_) return;
+void DisplayChain::set_codes(int bits, const CodeNoise& noise) {
+  starved_.set_noise(noise);
+  const bool is_there = bits == bits_ && noise.dark == noise_.dark;
   bits_ = bits;
-  dark_ = dark;
+  noise_ = noise;
+  if (is_there) return;
   logarithms_.resize(std::size_t{1} << bits);
   for (std::size_t code = 0; code < logarithms_.size(); ++code)
-    logarithms_[code] = std::log(std::max(1.0f, static_cast<float>(code) - dark));
+    logarithms_[code] = std::log(std::max(1.0f, static_cast<float>(code) - noise.dark));
 }
 
 void DisplayChain::take_logarithm(const std::uint16_t* codes, int count, float* logarithm) const {
@@ -58,7 +60,9 @@ void DisplayChain::take_logarithm(const std::uint16_t* codes, int count, float* 
 
 void DisplayChain::show(const Detected& detected, const Levels& levels, bool is_recording, bool is_processed,
                         std::uint8_t* grey) {
-  const PixelPlane& logarithm = detected.logarithm;
+  const PixelPlane& logarithm = is_processed && detected.codes
+                                    ? starved_.calmed(*detected.codes, detected.logarithm)
+                                    : detected.logarithm;
   const bool compresses = is_processed && compression_;
   if (compresses) compression_->compress(logarithm, detected.left, detected.field, levels);
   const PixelPlane* shown = compresses ? &compression_->picture : &logarithm;

@@ -2,6 +2,7 @@
 
 #include "xraycast/display/display_window.hpp"
 #include "xraycast/display/dynamic_range.hpp"
+#include "xraycast/display/starved_pixels.hpp"
 #include "xraycast/display/temporal_filter.hpp"
 
 #include <cstdint>
@@ -10,7 +11,7 @@
 
 namespace xraycast {
 
-/// From the detector's codes to the greys on the display: logarithm, compression of the
+/// From the detector's codes to the greys on the display: logarithm, starved pixels, compression of the
 /// range, edge enhancement, temporal filter, window. The window fits what the body shows; without compression
 /// it has a fixed width and follows the level of the measuring field.
 class DisplayChain {
@@ -22,7 +23,7 @@ class DisplayChain {
   void forget();
 
   /// Makes the table of logarithms unless it is there.
-  void set_codes(int bits, float dark);
+  void set_codes(int bits, const CodeNoise& noise);
   void take_logarithm(const std::uint16_t* codes, int count, float* logarithm) const;
 
   /// Natural logarithms of what a frame is shown by.
@@ -36,6 +37,7 @@ class DisplayChain {
     const PixelPlane& logarithm;
     const PixelPlane& left;   ///< by the body of the beam, without scatter and noise
     const PixelPlane& field;  ///< the share of the beam that reaches each pixel
+    const std::vector<std::uint16_t>* codes = nullptr;  ///< none: no pixel is starved
   };
 
   /// One frame. Recorded frames are not filtered over time.
@@ -59,8 +61,9 @@ class DisplayChain {
 
   PictureSize size_;
   int bits_ = 0;
-  float dark_ = 0;
+  CodeNoise noise_;
   std::vector<float> logarithms_;  ///< of every code
+  StarvedPixels starved_;
   std::optional<Compression> compression_;
   PixelPlane sharpened_;
   TemporalFilter filter_;

@@ -18,6 +18,7 @@ class ElectronicsStage {
   /// The signal that the largest code stands for. The dark level leaves room for the noise.
   void set_full_scale(double full_kev);
   const Digitiser& digitiser() const { return digitiser_; }
+  float rms_kev() const { return rms_kev_; }  ///< of a pixel's noise
 
   /// Rows in any order, on any threads. The signal becomes what its codes stand for.
   void read_row(std::size_t first_pixel, std::uint32_t frame, int width, float* signal_kev,

@@ -177,7 +177,12 @@ void Fluoroscope::State::collect_light(Use use) {
   const int width = seen.size.width;
   if (use == Use::read_out) {
     stages.electronics.set_full_scale(generator.full_scale_kev());
-    stages.display.set_codes(generator.options().c_arm.detector.bits, stages.electronics.digitiser().dark);
+    const auto& [codes_per_kev, dark, most] = stages.electronics.digitiser();
+    const auto quantum_kev = static_cast<float>(generator.beam_and_table().beam->open.mean_kev());
+    stages.display.set_codes(generator.options().c_arm.detector.bits,
+                             {.dark = dark,
+                              .electronic = stages.electronics.rms_kev() * codes_per_kev,
+                              .per_code = quantum_kev * codes_per_kev});
   }
   for_bands(seen.size, [&](int first, int end) {
     for (int j = first; j < end; ++j) {
@@ -202,11 +207,13 @@ void Fluoroscope::State::show() {
     return std::log(std::max(1.0, kev * stages.electronics.digitiser().codes_per_kev));
   };
   const double open_kev = generator.open_quanta() * generator.beam_and_table().beam->open.mean_kev();
-  stages.display.show(
-      {.logarithm = frame.logarithm, .left = stages.absorption.share, .field = stages.seen.field},
-      {.measured = logarithm_of(frame.mean_kev),
-       .open = logarithm_of(std::min(open_kev, generator.full_scale_kev()))},
-      options.dose == DoseLevel::cine, options.stages.display, frame.shown.data());
+  stages.display.show({.logarithm = frame.logarithm,
+                       .left = stages.absorption.share,
+                       .field = stages.seen.field,
+                       .codes = &frame.codes},
+                      {.measured = logarithm_of(frame.mean_kev),
+                       .open = logarithm_of(std::min(open_kev, generator.full_scale_kev()))},
+                      options.dose == DoseLevel::cine, options.stages.display, frame.shown.data());
 }
 
 const FluoroscopyFrame& Fluoroscope::State::expose(const RayDepths& rays) {
