@@ -60,12 +60,12 @@ for room in $rooms; do
   cmp -s "$folder/sources" "$unit.cpp" || cp "$folder/sources" "$unit.cpp"
 done
 printf '%s\n' $units | xargs -P "$(nproc)" -I{} sh -c '
-  case $2 in *host_*|*_blood_flow|*_simulation|*_trainer) small=-Os ;; esac  # beside rods and pulses they take no time
+  case $2 in *host_*|*_acquisition|*_blood_flow|*_scene|*_simulation|*_trainer) small=-Os ;; esac  # beside rods and pulses they take no time
   [ -f "$2.o" ] && [ -z "$(find host simulation viewer web/native "$2.cpp" -newer "$2.o" \( -name "*.[ch]pp" -o -name build.sh \) | head -1)" ] ||
     emcc $3 $small -Ihost -Isimulation -Iviewer -I"$1/include" -isystem /usr/include/eigen3 -c "$2.cpp" -o "$2.o"' sh "$folder" {} "$flags"
 objects=$(printf '%s.o ' $units)
 # shellcheck disable=SC2086
-emcc $flags $objects -o "$folder/simulation.wasm" --no-entry -sSTANDALONE_WASM=1 -sALLOW_MEMORY_GROWTH=1 -sFILESYSTEM=0 -sMALLOC=emmalloc
+emcc $flags -Os $objects -o "$folder/simulation.wasm" --no-entry -sSTANDALONE_WASM=1 -sALLOW_MEMORY_GROWTH=1 -sFILESYSTEM=0 -sMALLOC=emmalloc
 node -e '
 const { readFileSync, writeFileSync } = require("node:fs"), { deflateSync } = require("node:zlib");
 const code = readFileSync(process.argv[1]), packed = deflateSync(code, { level: 9 }).toString("base64");
