@@ -301,7 +301,8 @@ TEST_F(Export, WritesGltfWithoutTheMap) {
   const Json scene = Json::parse(file.substr(20, text));
   std::vector<std::string> names;
   for (const Json& node : scene["nodes"]) names.push_back(node["name"]);
-  EXPECT_THAT(names, testing::ElementsAre("vessels", "microcatheter-27f", "axis", "C-arm"));
+  EXPECT_THAT(names, testing::ElementsAre("vessels", "microcatheter-27f", "microcatheter-27f, marker 1",
+                                          "axis", "C-arm"));
   // The vessel's end at z = 93 mm is above the origin, in metres.
   EXPECT_NEAR(scene["accessors"][0]["max"][1].get<double>(), 0.093, 1e-4);
 }
