@@ -4,6 +4,7 @@ import json
 import numpy as np
 import pytest
 import xraycast as xc
+from xraycast._pictures import project_points
 
 POSE = dict(lao=20, size=(96, 80), pixel_mm=3, cone_mm=(785, 1200))
 
@@ -104,6 +105,30 @@ def test_instruments_have_their_own_diameters_and_materials(map_, tree, wire):
     # The wire's width on the detector, in pixels, and one more where it covers parts of two.
     assert columns == pytest.approx(0.889 * 1200 / 785 / 0.3, abs=1.5)
     np.testing.assert_allclose(map_.render(**fine, instruments=[wire]).tau, bare.tau + depths, atol=1e-5)
+
+
+def test_markers_are_seen_where_they_are(map_, tree):
+    micro = xc.Catheter(tree, "microcatheter-27f")
+    micro.step(push_mm=60, ms=600)
+    shape = micro.shape
+    assert [(m.material, m.length_mm, m.from_tip_mm) for m in shape.markers] == [("platinum", 0.8, 0.7)]
+    bare = map_.render(**{**POSE, "pixel_mm": 0.2, "centre_mm": tuple(shape.nodes_mm[-1])})
+    without = xc.InstrumentShape(shape.nodes_mm, shape.diameter_mm, markers=[])
+    added = bare.absorption(instruments=shape) - bare.absorption(instruments=without)
+    row, column = np.unravel_index(added.argmax(), added.shape)
+    seen = project_points(shape.marker_middles_mm, bare.K, np.array(bare.RT)[:3])[0]
+    # A band of 0.8 by 0.9 mm covers some 6 x 7 of these pixels; it is darkest at its sides.
+    assert np.hypot(column - seen[0], row - seen[1]) < 6
+    assert 0 < (added > 0.1).sum() < 150
+    gold = xc.InstrumentShape(shape.nodes_mm, shape.diameter_mm, markers=[xc.Marker(2, 5, material="gold", thickness_mm=0.04)])
+    assert np.linalg.norm(gold.marker_middles_mm[0] - shape.nodes_mm[-1]) == pytest.approx(6, abs=0.1)
+    far = xc.InstrumentShape(shape.nodes_mm, shape.diameter_mm, markers=[xc.Marker(2, 900)])
+    assert np.isnan(far.marker_middles_mm).all() and len(xc.InstrumentShape(shape.nodes_mm, 0.9, is_wire=True).markers) == 1
+    for bad in (dict(length_mm=0), dict(length_mm=1, material="lead"), dict(length_mm=1, from_tip_mm=-1)):
+        with pytest.raises(xc.InputError, match="Marker: markers"):
+            xc.Marker(**bad)
+    with pytest.raises(xc.InputError, match="thickness_mm"):
+        xc.InstrumentShape(shape.nodes_mm, 0.9, markers=[xc.Marker(1, thickness_mm=0.6)])
 
 
 def test_the_environments_pixels_are_renders(map_, tree):

@@ -160,12 +160,12 @@ TEST_F(AtTheTable, ExchangesAnInstrumentThatIsDrawnBack) {
     return inner();
   };
   intervention.update({}, 0.1);
-  EXPECT_EQ(intervention.surfaces().size(), 4u) << "the catheter, the wire's two parts, the contrast agent";
+  EXPECT_EQ(intervention.surfaces().size(), 5u) << "catheter and wire with a marker each, the contrast agent";
   EXPECT_EQ(exchange_for(microcatheter), "microcatheter-27f");
   EXPECT_EQ(intervention.steered().instruments[1].radius_mm, wire.radius_mm()) << "the last image is held";
   intervention.press_pedal(true);
   watch(intervention, {}, 1);
-  EXPECT_EQ(intervention.surfaces().size(), 3u);
+  EXPECT_EQ(intervention.surfaces().size(), 5u);
   EXPECT_EQ(intervention.steered().instruments[1].radius_mm, microcatheter.radius_mm());
   EXPECT_TRUE(intervention.steered().instruments[1].has_lumen);
 
