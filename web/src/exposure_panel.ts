@@ -21,7 +21,6 @@ export interface ExposureActions {
 export class ExposurePanel {
   settings: ConsoleSettings;
   private exposed: Exposed | null = null;
-  private can_match = false;
   private readonly sliders = (["blades-width", "blades-height"] as const).map((id) => element<HTMLInputElement>(id));
   private readonly compression = element<HTMLInputElement>("compression");
 
@@ -37,7 +36,7 @@ export class ExposurePanel {
     element("angiogram-map").addEventListener("click", () => this.toggle_road_map());
     element("max-opacification").addEventListener("click", () => this.set({ shows_maximum: !this.settings.shows_maximum }));
     element("phase-masks").addEventListener("click", () => this.set({ mask_matching: this.settings.mask_matching ? null : matching }));
-    this.can_match = matching !== null;
+    element("phase-masks").hidden = matching === null;
     this.compression.addEventListener("input", () => this.set({ compression: Number(this.compression.value) }));
     for (const slider of this.sliders) slider.addEventListener("input", () => this.set_blades(this.sliders.map(({ value }) => Number(value))));
     this.show_settings();
@@ -65,21 +64,16 @@ export class ExposurePanel {
     element<HTMLSelectElement>("dose").value = String(dose);
     this.compression.value = String(compression);
     element("subtract").setAttribute("aria-pressed", String(subtracts));
-    element("new-mask").hidden = !subtracts;
-    this.show_toggle("max-opacification", subtracts, shows_maximum);
-    this.show_toggle("phase-masks", subtracts && this.can_match, mask_matching !== null);
-    this.show_toggle("angiogram-map", has_angiogram || shows_road_map, shows_road_map);
+    element<HTMLButtonElement>("new-mask").disabled = !subtracts;
+    show_toggle("max-opacification", subtracts, shows_maximum);
+    show_toggle("phase-masks", subtracts, mask_matching !== null);
+    show_toggle("angiogram-map", has_angiogram || shows_road_map, shows_road_map);
     this.sliders.forEach((slider, axis) => {
       const most = Math.max(kLeast_mm + 1, Math.round(field_mm[axis]!));
       Object.assign(slider, { min: String(kLeast_mm), max: String(most), value: String(blades_mm?.[axis] ?? most) });
       slider.setAttribute("aria-valuetext", blades_mm ? `${Math.round(blades_mm[axis]!)} mm` : "open");
     });
     this.show_readout();
-  }
-
-  private show_toggle(id: string, is_there: boolean, is_on: boolean): void {
-    element(id).hidden = !is_there;
-    element(id).setAttribute("aria-pressed", String(is_on));
   }
 
   /** It lies behind the picture that is not subtracted. */
@@ -113,6 +107,12 @@ export class ExposurePanel {
     const { subtracts, shows_road_map, blades_mm } = this.settings, is_masking = this.exposed?.is_masking ?? true;
     return [...(subtracts ? [is_masking ? "subtraction: hold the pedal for the mask" : "subtraction"] : []), ...(shows_road_map ? ["road map of the angiogram"] : []), ...words_of_blades(blades_mm)];
   }
+}
+
+/** What has no use now stays where it is: buttons that came and went would change the picture's size, and with it lose mask and angiogram. */
+function show_toggle(id: string, is_of_use: boolean, is_on: boolean): void {
+  element<HTMLButtonElement>(id).disabled = !is_of_use;
+  element(id).setAttribute("aria-pressed", String(is_on));
 }
 
 const words_of_blades = (blades_mm: Blades): string[] => (blades_mm ? [`blades ${Math.round(blades_mm[0])} × ${Math.round(blades_mm[1])} mm`] : []);

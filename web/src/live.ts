@@ -274,6 +274,7 @@ export class LiveView {
     const others = browsers > 1 ? `; ${browsers} browsers are connected` : "";
     element("live-role").textContent = (steers ? this.live.has_hub ? "You steer" : "You have pedal and injector" : "You watch; another browser steers") + others;
     for (const button of element("live").querySelectorAll<HTMLButtonElement | HTMLSelectElement>("button, select")) button.disabled = !steers;
+    if (steers) this.exposure?.show_settings();
     if (this.trainer) {
       this.is_new_here = true;
       this.notes.state(matchMedia("(pointer: coarse)").matches ? "Tap Fluoroscopy to see, and hold Push to advance." : "Hold X to see, ↑ to advance and I to inject; the other keys are under Help.");
