@@ -43,25 +43,25 @@ const PixelPlane& StarvedPixels::calmed(const std::vector<std::uint16_t>& codes,
 }
 
 void StarvedPixels::calm_row(int j, const std::vector<std::uint16_t>& codes, float starved_below) {
-  constexpr int kSide = 2 * kReach + 1;
-  constexpr float kPixels = kSide * kSide;
-  const int width = size_.width;
+  constexpr std::size_t kAside = kReach, kSide = 2 * kAside + 1;
+  constexpr auto kPixels = static_cast<float>(kSide * kSide);
+  const auto width = static_cast<std::size_t>(size_.width);
   // Sums of columns, which beyond the ends are as there.
   thread_local PixelPlane sums;
-  sums.assign(static_cast<std::size_t>(width + 2 * kReach), 0);
+  sums.assign(width + 2 * kAside, 0);
   for (int k = j - kReach; k <= j + kReach; ++k) {
     const std::uint16_t* const row = codes.data() + size_.row(std::clamp(k, 0, size_.height - 1));
-    for (int i = 0; i < width; ++i) sums[static_cast<std::size_t>(i + kReach)] += row[i];
+    for (std::size_t i = 0; i < width; ++i) sums[i + kAside] += row[i];
   }
-  for (int i = 0; i < kReach; ++i) {
-    sums[static_cast<std::size_t>(i)] = sums[kReach];
-    sums[static_cast<std::size_t>(width + kReach + i)] = sums[static_cast<std::size_t>(width + kReach - 1)];
+  for (std::size_t i = 0; i < kAside; ++i) {
+    sums[i] = sums[kAside];
+    sums[width + kAside + i] = sums[width + kAside - 1];
   }
   const std::uint16_t* const row = codes.data() + size_.row(j);
   float* const out = calmed_.data() + size_.row(j);
-  for (int i = 0; i < width; ++i) {
+  for (std::size_t i = 0; i < width; ++i) {
     float sum = 0;
-    for (int k = 0; k < kSide; ++k) sum += sums[static_cast<std::size_t>(i + k)];
+    for (std::size_t k = 0; k < kSide; ++k) sum += sums[i + k];
     const float mean = sum / kPixels - noise_.dark;
     if (mean >= starved_below) continue;
     const float level = std::max({mean, kLeastNoises * noise_.electronic, 1.0f}),
