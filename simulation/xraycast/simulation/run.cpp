@@ -80,8 +80,8 @@ void check_lengths(const Script& script, const std::vector<InstrumentModel>& ins
       const double insertion_mm = script.rows()[r].pose_of(d).insertion_mm;
       if (insertion_mm > max_insertion_mm(instruments[d]))
         throw InputError("{}: {} {}; {} can be inserted by at most {:.0f} mm", script.where(r),
-                         d == 0 ? "insertion_mm" : fmt::format("insertion_{}_mm", d + 1), insertion_mm,
-                         instruments[d].name(), max_insertion_mm(instruments[d]));
+                         insertion_column(d), insertion_mm, instruments[d].name(),
+                         max_insertion_mm(instruments[d]));
     }
 }
 
@@ -90,9 +90,7 @@ void check_inflations(const Script& script, const std::vector<InstrumentModel>& 
     for (std::size_t d = 0; d < instruments.size(); ++d) {
       const double bar = script.rows()[r].pose_of(d).inflation_bar;
       if (bar <= instruments[d].max_inflation_bar()) continue;
-      const std::string pressure =
-          fmt::format("{}: {} {}", script.where(r),
-                      d == 0 ? "inflation_bar" : fmt::format("inflation_{}_bar", d + 1), bar);
+      const std::string pressure = fmt::format("{}: {} {}", script.where(r), inflation_column(d), bar);
       if (!instruments[d].balloon())
         throw InputError("{}; {} has no balloon: leave the column out, or take balloon-6x20, say", pressure,
                          instruments[d].name());
@@ -106,9 +104,7 @@ void check_releases(const Script& script, const std::vector<InstrumentModel>& in
     for (std::size_t d = 0; d < instruments.size(); ++d) {
       const double release_mm = script.rows()[r].pose_of(d).release_mm;
       if (release_mm <= instruments[d].max_release_mm()) continue;
-      const std::string drawn =
-          fmt::format("{}: {} {}", script.where(r),
-                      d == 0 ? "release_mm" : fmt::format("release_{}_mm", d + 1), release_mm);
+      const std::string drawn = fmt::format("{}: {} {}", script.where(r), release_column(d), release_mm);
       if (!instruments[d].has_sheath())
         throw InputError(
             "{}; {} has no stent in a sheath: leave the column out, or take stent-self-8x40, say", drawn,

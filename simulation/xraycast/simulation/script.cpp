@@ -29,29 +29,27 @@ std::vector<std::string> cells(const std::string& line) {
   return all;
 }
 
-/// The time, then each instrument's insertion and rotation.
-std::vector<std::string> column_names(std::size_t instruments) {
-  std::vector<std::string> names{"time_s", "insertion_mm", "rotation_deg"};
-  for (std::size_t d = 2; d <= instruments; ++d) {
-    names.push_back(fmt::format("insertion_{}_mm", d));
-    names.push_back(fmt::format("rotation_{}_deg", d));
-  }
-  return names;
+/// `insertion_mm` of the first instrument, `insertion_2_mm` of the second.
+std::string column_of(std::size_t instrument, const char* quantity, const char* unit) {
+  return instrument == 0 ? fmt::format("{}_{}", quantity, unit)
+                         : fmt::format("{}_{}_{}", quantity, instrument + 1, unit);
 }
 
-/// Of an instrument's balloon, and of its stent's sheath, which may be left out.
-std::string inflation_name(std::size_t instrument) {
-  return instrument == 0 ? "inflation_bar" : fmt::format("inflation_{}_bar", instrument + 1);
-}
-std::string release_name(std::size_t instrument) {
-  return instrument == 0 ? "release_mm" : fmt::format("release_{}_mm", instrument + 1);
+/// The time, then each instrument's insertion and rotation.
+std::vector<std::string> column_names(std::size_t instruments) {
+  std::vector<std::string> names{"time_s"};
+  for (std::size_t d = 0; d < instruments; ++d) {
+    names.push_back(insertion_column(d));
+    names.push_back(rotation_column(d));
+  }
+  return names;
 }
 
 std::string wanted_columns(const std::vector<std::string>& wanted) {
   const std::size_t instruments = (wanted.size() - 1) / 2;
   return fmt::format("a script{} has {} and, of balloons, {}, of stents in sheaths, {}",
                      instruments > 1 ? fmt::format(" of {} instruments", instruments) : "",
-                     fmt::join(wanted, ","), inflation_name(0), release_name(0));
+                     fmt::join(wanted, ","), inflation_column(0), release_column(0));
 }
 
 /// The instruments that a script's columns are for.
@@ -63,7 +61,7 @@ std::size_t instruments_in(const std::vector<std::string>& names) {
 
 bool is_of_treatment(const std::string& name, std::size_t instruments) {
   for (std::size_t d = 0; d < instruments; ++d)
-    if (name == inflation_name(d) || name == release_name(d)) return true;
+    if (name == inflation_column(d) || name == release_column(d)) return true;
   return false;
 }
 
@@ -112,8 +110,8 @@ Columns columns(const std::string& header, const std::vector<std::string>& wante
     return static_cast<std::size_t>(found - names.begin());
   };
   for (std::size_t d = 0; d < wanted.size() / 2; ++d) {
-    at.inflations.push_back(find(inflation_name(d)));
-    at.releases.push_back(find(release_name(d)));
+    at.inflations.push_back(find(inflation_column(d)));
+    at.releases.push_back(find(release_column(d)));
   }
   return at;
 }
@@ -192,12 +190,12 @@ void check_row(const Script& script, std::size_t r, const std::vector<std::strin
                        names[1 + 2 * d], row.pose_of(d).insertion_mm);
   for (std::size_t d = 0; d < instruments; ++d)
     if (row.pose_of(d).inflation_bar < 0)
-      throw InputError("{}: {} {} is below zero; at 0 a balloon is folded", where, inflation_name(d),
+      throw InputError("{}: {} {} is below zero; at 0 a balloon is folded", where, inflation_column(d),
                        row.pose_of(d).inflation_bar);
   for (std::size_t d = 0; d < instruments; ++d)
     if (row.pose_of(d).release_mm < 0)
       throw InputError("{}: {} {} is below zero; at 0 all of a stent is in its sheath", where,
-                       release_name(d), row.pose_of(d).release_mm);
+                       release_column(d), row.pose_of(d).release_mm);
   if (r == 0) return;
   const Script::Row& before = script.rows()[r - 1];
   if (!(row.time_s > before.time_s))
@@ -209,6 +207,11 @@ void check_row(const Script& script, std::size_t r, const std::vector<std::strin
 }
 
 }  // namespace
+
+std::string insertion_column(std::size_t instrument) { return column_of(instrument, "insertion", "mm"); }
+std::string rotation_column(std::size_t instrument) { return column_of(instrument, "rotation", "deg"); }
+std::string inflation_column(std::size_t instrument) { return column_of(instrument, "inflation", "bar"); }
+std::string release_column(std::size_t instrument) { return column_of(instrument, "release", "mm"); }
 
 Script Script::parse(const std::string& text, const std::string& origin, std::size_t instruments) {
   const std::vector<std::string> names = column_names(instruments);
@@ -243,9 +246,9 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
       pose.insertion_mm = number(values[at.wanted[insertion]], names[insertion], where);
       pose.rotation_rad = kRadians * number(values[at.wanted[rotation]], names[rotation], where);
       if (const auto& column = at.inflations[d])
-        pose.inflation_bar = number(values[*column], inflation_name(d), where);
+        pose.inflation_bar = number(values[*column], inflation_column(d), where);
       if (const auto& column = at.releases[d])
-        pose.release_mm = number(values[*column], release_name(d), where);
+        pose.release_mm = number(values[*column], release_column(d), where);
     }
     rows.push_back(row);
   }

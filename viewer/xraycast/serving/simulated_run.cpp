@@ -3,6 +3,7 @@
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/pulse_blur.hpp"
 #include "xraycast/scene/stent_surface.hpp"
+#include "xraycast/simulation/script.hpp"
 
 #include <fmt/format.h>
 
@@ -168,13 +169,12 @@ void SimulatedRun::start_recording() {
 std::string SimulatedRun::stop_recording() {
   update();
   is_recording_ = false;
-  std::string csv = "time_s,insertion_mm,rotation_deg";
-  for (std::size_t d = 1; d < now_->count(); ++d)
-    csv += fmt::format(",insertion_{0}_mm,rotation_{0}_deg", d + 1);
+  std::string csv = "time_s";
+  for (std::size_t d = 0; d < now_->count(); ++d) csv += ',' + insertion_column(d) + ',' + rotation_column(d);
   for (std::size_t d = 0; d < now_->count(); ++d)
-    if (models()[d].balloon()) csv += d == 0 ? ",inflation_bar" : fmt::format(",inflation_{}_bar", d + 1);
+    if (models()[d].balloon()) csv += ',' + inflation_column(d);
   for (std::size_t d = 0; d < now_->count(); ++d)
-    if (models()[d].has_sheath()) csv += d == 0 ? ",release_mm" : fmt::format(",release_{}_mm", d + 1);
+    if (models()[d].has_sheath()) csv += ',' + release_column(d);
   csv += '\n';
   for (const Poses& row : recorded_) {
     csv += fmt::format("{:.4f}", row.time_s - recorded_.front().time_s);
