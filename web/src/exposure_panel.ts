@@ -54,26 +54,33 @@ export class ExposurePanel {
 
   show(exposed: Exposed): void {
     this.exposed = exposed;
-    if (exposed.has_lost_road_map && this.settings.shows_road_map) this.set({ shows_road_map: false });
-    this.show_settings();
+    if (exposed.has_lost_road_map && this.settings.shows_road_map) return this.set({ shows_road_map: false });
+    this.show_subtraction();
+    this.show_readout();
   }
 
   /** After the picture shows another field. */
   show_settings(): void {
-    const { dose, subtracts, blades_mm, compression, shows_maximum, shows_road_map, mask_matching } = this.settings, has_angiogram = this.exposed?.has_angiogram ?? false, field_mm = this.actions.field_mm();
+    const { dose, blades_mm, compression } = this.settings, field_mm = this.actions.field_mm();
     element<HTMLSelectElement>("dose").value = String(dose);
     this.compression.value = String(compression);
-    element("subtract").setAttribute("aria-pressed", String(subtracts));
-    element<HTMLButtonElement>("new-mask").disabled = !subtracts;
-    show_toggle("max-opacification", subtracts, shows_maximum);
-    show_toggle("phase-masks", subtracts, mask_matching !== null);
-    show_toggle("angiogram-map", has_angiogram || shows_road_map, shows_road_map);
+    this.show_subtraction();
     this.sliders.forEach((slider, axis) => {
       const most = Math.max(kLeast_mm + 1, Math.round(field_mm[axis]!));
       Object.assign(slider, { min: String(kLeast_mm), max: String(most), value: String(blades_mm?.[axis] ?? most) });
       slider.setAttribute("aria-valuetext", blades_mm ? `${Math.round(blades_mm[axis]!)} mm` : "open");
     });
     this.show_readout();
+  }
+
+  /** Also after a pulse, which may be the first that fills vessels. */
+  private show_subtraction(): void {
+    const { subtracts, shows_maximum, shows_road_map, mask_matching } = this.settings, has_angiogram = this.exposed?.has_angiogram ?? false;
+    show_toggle("subtract", true, subtracts);
+    element<HTMLButtonElement>("new-mask").disabled = !subtracts;
+    show_toggle("max-opacification", subtracts, shows_maximum);
+    show_toggle("phase-masks", subtracts, mask_matching !== null);
+    show_toggle("angiogram-map", has_angiogram || shows_road_map, shows_road_map);
   }
 
   /** It lies behind the picture that is not subtracted. */
