@@ -59,6 +59,9 @@ struct Registration {
 /// What they note, each line once, in order.
 std::vector<std::string> notes_of(std::span<const Registration> frames);
 
+struct PoseCandidate;
+struct RefinementStage;
+
 /// Finds poses of one scan.
 class Registrar {
  public:
@@ -82,14 +85,20 @@ class Registrar {
 
  private:
   struct Prepared;
+  struct Refinement;
   void make_pyramid(const PinholeCamera& camera, Progress& progress);
   Prepared prepared(std::span<const Xray> xrays, const RigidMotion& start, bool searches, Progress& progress);
   Registration find(std::span<const Xray> xrays, const RigidMotion& start, Progress& progress);
-  std::vector<RigidMotion> searched(Prepared& views, const RigidMotion& start, Progress& progress);
+  Registration searched_for(Prepared& views, const RigidMotion& start, Progress& progress) const;
+  Registration refined_from(Prepared& views, const RigidMotion& start, Progress& progress) const;
+  bool search(Prepared& views, const RigidMotion& start, int number, Refinement& best,
+              Progress& progress) const;
+  std::vector<PoseCandidate> searched(Prepared& views, Tone tone, const RigidMotion& start, int number,
+                                      Progress& progress) const;
   void choose_tones(Prepared& views, const RigidMotion& motion) const;
-  Registration refined(Prepared& views, std::span<const RigidMotion> starts, bool is_film,
-                       Progress& progress) const;
-  Registration told(const Prepared& views, const PoseFit::Refined& pose, double next_best) const;
+  Refinement refined(Prepared& views, std::vector<PoseCandidate> candidates,
+                     std::span<const RefinementStage> stages, Progress& progress) const;
+  Registration told(const Prepared& views, const PoseFit::Refined& pose) const;
 
   ComputeDevice& device_;
   const Volume& scan_;

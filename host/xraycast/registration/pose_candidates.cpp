@@ -1,0 +1,38 @@
+#include "xraycast/registration/pose_candidates.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+
+namespace xraycast {
+namespace {
+
+double distance_mm(const RigidMotion& a, const RigidMotion& b, const AttenuationPyramid& scan) {
+  const glm::dvec3 lower = scan.lower_mm(), upper = scan.upper_mm();
+  double sum = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const glm::dvec3 at(corner & 1 ? upper.x : lower.x, corner & 2 ? upper.y : lower.y,
+                        corner & 4 ? upper.z : lower.z);
+    sum += glm::distance(a(at), b(at));
+  }
+  return sum / 8;
+}
+
+}  // namespace
+
+std::vector<PoseCandidate> distinct(std::vector<PoseCandidate> candidates, double apart_mm, std::size_t most,
+                                    const AttenuationPyramid& scan) {
+  std::ranges::stable_sort(
+      candidates, [](const PoseCandidate& a, const PoseCandidate& b) { return a.similarity > b.similarity; });
+  std::vector<PoseCandidate> kept;
+  for (const PoseCandidate& one : candidates) {
+    if (kept.size() == most) break;
+    if (std::ranges::all_of(kept, [&](const PoseCandidate& better) {
+          return distance_mm(one.motion, better.motion, scan) > apart_mm;
+        }))
+      kept.push_back(one);
+  }
+  return kept;
+}
+
+}  // namespace xraycast
