@@ -493,6 +493,13 @@ void check_command(const IgtlinkReceiver::Event& event) {
     expect(std::abs(move->pose.centre_mm.z) <= IgtlinkReceiver::kMaxPosition_mm, "an isocentre out of range");
   } else if (const auto* rate = std::get_if<ContrastRate>(&event)) {
     expect(rate->ml_s >= 0 && rate->ml_s <= kMaxInjection_ml_s, "an injection out of range");
+  } else if (const auto* pressure = std::get_if<BalloonPressure>(&event)) {
+    expect(
+        pressure->hub < kMaxHubs && pressure->bar >= 0 && pressure->bar <= IgtlinkReceiver::kMaxBalloon_bar,
+        "a pressure out of range");
+  } else if (const auto* drawn = std::get_if<SheathDrawn>(&event)) {
+    expect(drawn->hub < kMaxHubs && drawn->mm >= 0 && drawn->mm <= IgtlinkReceiver::kMaxInsertion_mm,
+           "a sheath out of range");
   } else if (const auto* request = std::get_if<StreamRequest>(&event)) {
     expect(
         request->interval >= request->interval.zero() && request->interval <= IgtlinkReceiver::kMaxInterval,

@@ -65,6 +65,48 @@ std::string refusal(const xrc_setup& setup) {
   return xrc_last_error();
 }
 
+TEST(CSimulation, FillsABalloonAndLeavesItsStent) {
+  const VesselTree tree = thorax();
+  const Branches branches(tree);
+  xrc_setup setup = branches.setup();
+  const char* const names[] = {"stent-6x18"};
+  setup.instruments = names;
+  setup.instrument_count = 1;
+  const Simulation simulation = made(setup);
+  xrc_hub hub{0, 0};
+  xrc_device device{};
+  const auto go = [&](int steps, double by_mm) {
+    for (int step = 0; step < steps; ++step) {
+      hub.insertion_mm += by_mm;
+      ASSERT_EQ(xrc_step(simulation.get(), &hub, 1), XRC_OK) << xrc_last_error();
+    }
+    ASSERT_EQ(xrc_get_device(simulation.get(), 0, &device), XRC_OK);
+  };
+  go(2500, 0.1);
+  EXPECT_EQ(device.carried_rings, 7);
+  ASSERT_EQ(xrc_inflate(simulation.get(), 0, 8), XRC_OK);
+  go(1500, 0);
+  EXPECT_NEAR(device.balloon_bar, 8, 1e-9);
+  EXPECT_NEAR(device.balloon_mm, 6, 0.5);
+  xrc_treatment treatment{};
+  size_t count = 0;
+  ASSERT_EQ(xrc_get_treatments(simulation.get(), &treatment, 1, &count), XRC_OK);
+  EXPECT_EQ(count, 1u);
+  EXPECT_EQ(treatment.is_over, 0);
+  ASSERT_EQ(xrc_inflate(simulation.get(), 0, 0), XRC_OK);
+  go(1500, 0);
+  ASSERT_EQ(xrc_get_treatments(simulation.get(), &treatment, 1, &count), XRC_OK);
+  EXPECT_EQ(device.carried_rings, 0);
+  EXPECT_EQ(treatment.is_over, 1);
+  EXPECT_NEAR(treatment.largest_bar, 8, 1e-9);
+  EXPECT_NEAR(treatment.stent_mm, 6, 0.5);
+
+  EXPECT_EQ(xrc_inflate(simulation.get(), 0, -1), XRC_INPUT_ERROR);
+  EXPECT_EQ(std::string(xrc_last_error()), "bar: -1, which should be 0 or more");
+  EXPECT_EQ(xrc_draw_sheath(simulation.get(), 1, 5), XRC_INPUT_ERROR);
+  EXPECT_EQ(xrc_get_treatments(simulation.get(), nullptr, 1, &count), XRC_INPUT_ERROR);
+}
+
 TEST(CSimulation, IsTheOneOfCpp) {
   const VesselTree tree = thorax();
   const std::vector models{InstrumentModel::named(kNames[0]), InstrumentModel::named(kNames[1])};

@@ -20,6 +20,10 @@ class Setup(ctypes.Structure):
                 ("entry_mm", ctypes.c_void_p), ("step_s", ctypes.c_double)]
 
 
+class Device(ctypes.Structure):
+    _fields_ = [("balloon_bar", ctypes.c_double), ("balloon_mm", ctypes.c_double), ("sheath_mm", ctypes.c_double), ("carried_rings", ctypes.c_int)]
+
+
 class Tip(ctypes.Structure):
     _fields_ = [("position_mm", ctypes.c_double * 3), ("direction", ctypes.c_double * 3), ("branch", ctypes.c_int),
                 ("arc_length_mm", ctypes.c_double)]
@@ -32,32 +36,47 @@ def native_trace(tree, instruments, poses):
     setup = Setup(str(tree).encode(), None, 0, names, len(instruments), None, 0)
     simulation, trace = ctypes.c_void_p(), array.array("d")
     assert library.xrc_create(ctypes.byref(setup), ctypes.byref(simulation)) == 0
-    width, tip, load = 2 * len(instruments), Tip(), (ctypes.c_double * 2)()
+    width, tip, load, device = 4 * len(instruments), Tip(), (ctypes.c_double * 2)(), Device()
+    widest_mm = 0
     for at in range(0, len(poses), width):
-        hubs = (ctypes.c_double * width)(*poses[at:at + width])
+        moves = [value for hub in range(at, at + width, 4) for value in poses[hub:hub + 2]]
+        hubs = (ctypes.c_double * len(moves))(*moves)
+        for instrument, hub in enumerate(range(at, at + width, 4)):
+            assert library.xrc_inflate(simulation, ctypes.c_size_t(instrument), ctypes.c_double(poses[hub + 2])) == 0
+            assert library.xrc_draw_sheath(simulation, ctypes.c_size_t(instrument), ctypes.c_double(poses[hub + 3])) == 0
         assert library.xrc_step(simulation, hubs, ctypes.c_size_t(len(instruments))) == 0
         for instrument in range(len(instruments)):
             library.xrc_get_tip(simulation, ctypes.c_size_t(instrument), ctypes.byref(tip))
             library.xrc_get_load(simulation, ctypes.c_size_t(instrument), load)
             trace.extend([*tip.position_mm, *load])
+            library.xrc_get_device(simulation, ctypes.c_size_t(instrument), ctypes.byref(device))
+            widest_mm = max(widest_mm, device.balloon_mm)
     library.xrc_destroy(simulation)
-    return trace
+    return trace, widest_mm
 
 
 def script(rows):
-    """Poses every millisecond, linear between rows of a time and an insertion and a rotation in degrees for each hub."""
+    """Poses every millisecond, linear between rows of a time and, for each hub, an insertion, a rotation in degrees, a pressure and a
+    sheath's way."""
     poses = array.array("d")
     for (from_s, *a), (to_s, *b) in zip(rows, rows[1:]):
         steps = round(1000 * (to_s - from_s))
         for k in range(1, steps + 1):
             for i, (start, end) in enumerate(zip(a, b)):
                 value = start + (end - start) * k / steps
-                poses.append(math.radians(value) if i % 2 else value)
+                poses.append(math.radians(value) if i % 4 == 1 else value)
     return poses
 
 
-ONE = [(0, 0, 0), (1, 40, 180), (6, 420, 180), (8, 380, 540), (10, 470, 540)]
-PAIR = [(0, 0, 0, 0, 0), (4, 0, 0, 330, 90), (8, 260, 90, 330, 90), (10, 300, 200, 280, 0)]
+def moved(*rows):
+    """Without balloons and sheaths."""
+    return [(time_s, *(value for hub in range(0, len(hubs), 2) for value in (*hubs[hub:hub + 2], 0, 0))) for time_s, *hubs in rows]
+
+
+ONE = moved((0, 0, 0), (1, 40, 180), (6, 420, 180), (8, 380, 540), (10, 470, 540))
+PAIR = moved((0, 0, 0, 0, 0), (4, 0, 0, 330, 90), (8, 260, 90, 330, 90), (10, 300, 200, 280, 0))
+BALLOON = [(0, 0, 0, 0, 0), (5, 250, 90, 0, 0), (7, 250, 90, 10, 0), (8, 250, 90, 10, 0), (9, 250, 90, 0, 0), (10, 150, 90, 0, 0)]
+SHEATH = [(0, 0, 0, 0, 0), (5, 250, 90, 0, 0), (9, 250, 90, 0, 42), (10, 150, 90, 0, 42)]
 
 
 class Trainer(unittest.TestCase):
@@ -73,7 +92,7 @@ class Trainer(unittest.TestCase):
             (folder / "poses").write_bytes(poses.tobytes())
             step_ms = float(run(NODE, TRACE, folder / "trainer.html", folder / "poses", folder / "trace"))
             page.frombytes((folder / "trace").read_bytes())
-            native = native_trace(folder / "truth" / "tree.vtp", instruments, poses)
+            native, self.widest_mm = native_trace(folder / "truth" / "tree.vtp", instruments, poses)
         self.assertEqual(len(page), len(native))
         apart = [abs(a - b) for a, b in zip(page, native)]
         tips_mm, forces_N = max(x for i, x in enumerate(apart) if i % 5 < 3), max(apart[3::5])
@@ -86,6 +105,13 @@ class Trainer(unittest.TestCase):
 
     def test_one_catheter(self):
         self.compare(["cobra-5f"], ONE)
+
+    def test_a_stent_on_a_balloon(self):
+        self.compare(["stent-6x18"], BALLOON)
+        self.assertGreater(self.widest_mm, 5.5)
+
+    def test_a_stent_in_a_sheath(self):
+        self.compare(["stent-self-8x40"], SHEATH)
 
     def test_a_wire_in_a_catheter(self):
         self.compare(["cobra-5f", "guidewire-035-j"], PAIR)

@@ -1,5 +1,5 @@
-// PAGE POSES TRACE: steps the simulation of an exported page along poses, doubles of insertion in mm and rotation in rad of each hub
-// a step, and writes of each step and instrument tip in mm, force in N and torque in N m. Prints the mean time of a step in ms. The
+// PAGE POSES TRACE: steps the simulation of an exported page along poses, doubles of insertion in mm, rotation in rad, pressure in bar and
+// sheath in mm of each hub a step, and writes of each step and instrument tip in mm, force in N and torque in N m. Prints the mean time of a step in ms. The
 // folder web/ is named by the environment: XRAYCAST_WEB.
 import { readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -17,8 +17,8 @@ const header = JSON.parse(element("session")), packed = (id) => inflateSync(Buff
 const doubles = (bytes) => new Float64Array(new Uint8Array(bytes).buffer);
 const [first, count] = header.parts.trainer, instruments = header.trainer.used.length;
 const simulation = await Simulation.of(packed("simulation"), doubles(packed("data").subarray(first, first + count)));
-const poses = doubles(readFileSync(poses_file)), steps = poses.length / (2 * instruments), trace = new Float64Array(5 * instruments * steps);
+const poses = doubles(readFileSync(poses_file)), steps = poses.length / (4 * instruments), trace = new Float64Array(5 * instruments * steps);
 const from_ms = performance.now();
-for (let k = 0; k < steps; ++k) trace.set(simulation.follow(poses.slice(2 * instruments * k, 2 * instruments * (k + 1))), 5 * instruments * k);
+for (let k = 0; k < steps; ++k) trace.set(simulation.follow(poses.slice(4 * instruments * k, 4 * instruments * (k + 1))), 5 * instruments * k);
 console.log((performance.now() - from_ms) / steps);
 writeFileSync(trace_file, new Uint8Array(trace.buffer));

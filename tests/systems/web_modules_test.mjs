@@ -178,11 +178,11 @@ test("drums absorb by what they hold, and the larger where they overlap", () => 
   const whole = drums([-20, 0], [-10, 10], [50, 60]), view = view_of({ lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, null, kBounds, 64, 48, "untilted");
   const most = (surfaces) => Math.max(0, ...(absorbed_by(surfaces, view)?.tau ?? []));
   const near = (found, wanted) => assert.ok(Math.abs(found - wanted) < 1e-4, `${found}, not ${wanted}`); // of 32-bit floats
-  near(most([filled(whole, [{ drum: 2, mg_ml: 100 }])]), 0.1 * 10);
-  near(most([filled(whole, [{ drum: 0, mg_ml: 100 }, { drum: 1, mg_ml: 300 }])]), 0.1 * 10 + 0.3 * 20);
-  near(most([filled(whole, [{ drum: 0, mg_ml: 200 }, { drum: 1, mg_ml: 200 }])]), 0.2 * 30);
+  near(most([filled(whole, [{ drum: 2, mg_ml: 100, ends_mm: [0, 0] }])]), 0.1 * 10);
+  near(most([filled(whole, [{ drum: 0, mg_ml: 100, ends_mm: [0, 0] }, { drum: 1, mg_ml: 300, ends_mm: [0, 0] }])]), 0.1 * 10 + 0.3 * 20);
+  near(most([filled(whole, [{ drum: 0, mg_ml: 200, ends_mm: [0, 0] }, { drum: 1, mg_ml: 200, ends_mm: [0, 0] }])]), 0.2 * 30);
   assert.equal(filled(whole, []), null);
-  assert.equal(filled(whole, [{ drum: 3, mg_ml: 100 }]), null); // of no such drum
+  assert.equal(filled(whole, [{ drum: 3, mg_ml: 100, ends_mm: [0, 0] }]), null); // of no such drum
 });
 
 const kWire_mm = 0.18; // the radius of a wire of 0.014 inch
@@ -246,18 +246,22 @@ test("a marker absorbs by the chord through its wall", () => {
 
 /** As viewer/xraycast/serving/browser_message.cpp writes it. */
 function live_bytes(has_body = true) {
-  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 2 + 1 + 1 + 6) + 4 * 3 + 4 * (has_body ? 1 + 2 + 2 * 6 + 2 + 3 : 1)));
-  [3, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
+  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 2 + 4 + 1 + 1 + 6) + 4 * (1 + 3 + 8) + 4 * 5 + 4 * (has_body ? 1 + 2 + 2 * 6 + 2 + 3 : 1)));
+  [4, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
   let at = 4;
   const whole = (x) => view.setUint32((at += 4) - 4, x, true), real = (x) => view.setFloat32((at += 4) - 4, x, true);
   whole(9);
   [1.5, 2, 3, 100, 45, 0.25, -2].forEach(real);
   whole(21);
-  real(12.5);
-  [1, 2].forEach(whole);
+  [12.5, 8, 6.5, 0].forEach(real);
+  [3, 1, 2].forEach(whole);
   [1, 2, 3, 4, 5, 6].forEach(real);
+  [1, 1].forEach(whole); // devices
+  real(0);
+  whole(2);
+  [1, 2, 3, 0.5, 4, 5, 6, 0.25].forEach(real);
   [1, 7].forEach(whole);
-  real(350);
+  [350, 2, 2.5].forEach(real);
   whole(has_body ? 2 : 0);
   if (!has_body) return view.buffer;
   [20, 2].forEach(real);
@@ -275,18 +279,19 @@ function live_bytes(has_body = true) {
 test("a live message is read as it is written", () => {
   assert.deepEqual(message_of(live_bytes()), {
     exposes: true, injects: false, is_valve_locked: true, has_outlet: false, held_hub: 0, exposures: 9, time_s: 1.5, fluoroscopy_s: 2, injected_ml: 3,
-    instruments: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, tip_branch: 21, tip_along_mm: 12.5, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
-    filled: [{ drum: 7, mg_ml: 350, moved_mm: [1, 2, 3] }],
+    instruments: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, tip_branch: 21, tip_along_mm: 12.5, inflation_bar: 8, balloon_mm: 6.5, release_mm: 0, free_rings: 3, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
+    devices: [{ matter: 1, inner_radius_mm: 0, points: [[1, 2, 3, 0.5], [4, 5, 6, 0.25]] }],
+    filled: [{ drum: 7, mg_ml: 350, ends_mm: [2, 2.5], moved_mm: [1, 2, 3] }],
     body: {
       time_s: 20, speed: 2, exposures_s: [19.5],
       modes: [{ is_held: true, gate: null, phase: 0.25, trace: [0.5, 0.75] }, { is_held: false, gate: 0.75, phase: 0.5, trace: [0.125, 1] }],
     },
   });
   const still = message_of(live_bytes(false));
-  assert.deepEqual([still.body, still.filled], [null, [{ drum: 7, mg_ml: 350 }]]);
+  assert.deepEqual([still.body, still.filled], [null, [{ drum: 7, mg_ml: 350, ends_mm: [2, 2.5] }]]);
   for (let size = 0; size < live_bytes().byteLength; ++size) assert.throws(() => message_of(live_bytes().slice(0, size)), `${size}`);
   const huge = live_bytes();
-  new DataView(huge).setUint32(44, 0xffffffff, true); // parts
+  new DataView(huge).setUint32(60, 0xffffffff, true); // parts
   assert.throws(() => message_of(huge), /too short/);
   const other = live_bytes();
   new DataView(other).setUint8(0, 1);
@@ -316,7 +321,7 @@ test("a line is at the phase of a gate, which another mode does not have", () =>
 });
 
 test("a run is recorded as a script", () => {
-  const recording = new Recording(2), at = (time_s, ...poses) => ({ time_s, instruments: poses.map(([insertion_mm, rotation_deg]) => ({ insertion_mm, rotation_deg })) });
+  const recording = new Recording(2), at = (time_s, ...poses) => ({ time_s, instruments: poses.map(([insertion_mm, rotation_deg]) => ({ insertion_mm, rotation_deg, inflation_bar: 0, release_mm: 0 })) });
   for (const [k, mm] of [0, 0, 0, 0, 2, 3, 3, 3, 3, 5].entries()) recording.add(at(7 + 0.1 * k, [mm, -1], [0, 0]));
   recording.add(at(7.2, [4, 0], [0, 0])); // late
   const [names, ...rows] = recording.csv().trim().split("\n");
@@ -326,10 +331,17 @@ test("a run is recorded as a script", () => {
   assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n");
 });
 
+test("balloons and sheaths are recorded where they are used", () => {
+  const recording = new Recording(2), hub = (insertion_mm, inflation_bar, release_mm) => ({ insertion_mm, rotation_deg: 0, inflation_bar, release_mm });
+  recording.add({ time_s: 1, instruments: [hub(5, 0, 0), hub(9, 0, 0)] });
+  recording.add({ time_s: 2, instruments: [hub(5, 0, 0), hub(9, 6.5, 0)] });
+  assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg,inflation_2_bar\n0.0000,5,0,9,0,0\n1.0000,5,0,9,0,6.5\n");
+});
+
 test("steps are recorded to the last digit", () => {
   const recording = new Recording(1);
-  recording.add_steps(Float64Array.of(0.001, 0, 0, 0.002, 0, 0, 0.003, 0, 0));
-  recording.add_steps(Float64Array.of(0.004, 1 / 3, Math.PI / 7, 0.005, 2 / 3, Math.PI / 7));
+  recording.add_steps(Float64Array.of(0.001, 0, 0, 0, 0, 0.002, 0, 0, 0, 0, 0.003, 0, 0, 0, 0));
+  recording.add_steps(Float64Array.of(0.004, 1 / 3, Math.PI / 7, 0, 0, 0.005, 2 / 3, Math.PI / 7, 0, 0));
   assert.equal(recording.csv(), `time_s,insertion_mm,rotation_deg\n0.0000,0,0\n0.0020,0,0\n0.0030,${1 / 3},${((Math.PI / 7) * 180) / Math.PI}\n0.0040,${2 / 3},${((Math.PI / 7) * 180) / Math.PI}\n`);
 });
 
@@ -358,7 +370,7 @@ test("a gamepad's stick has a dead zone", () => {
 test("contrast agent moves with the body", () => {
   const mesh = { points_mm: Float32Array.from({ length: 12 }, (_, i) => i), triangles: new Uint32Array([0, 1, 0, 2, 3, 2]) };
   const whole = { mesh, drum_points: 2, drum_triangles: 1, mu_per_mm: 1, colour: [1, 1, 1] };
-  const at = (moved_mm) => [...filled(whole, [{ drum: 1, mg_ml: 5, ...(moved_mm && { moved_mm }) }]).mesh.points_mm];
+  const at = (moved_mm) => [...filled(whole, [{ drum: 1, mg_ml: 5, ends_mm: [0, 0], ...(moved_mm && { moved_mm }) }]).mesh.points_mm];
   assert.deepEqual(at(), [6, 7, 8, 9, 10, 11]);
   assert.deepEqual(at([1, 2, -3]), [7, 9, 5, 10, 12, 8]);
 });

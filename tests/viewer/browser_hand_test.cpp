@@ -131,15 +131,21 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
                          .is_valve_locked = true,
                          .held_hub = 1,
                          .exposures = 7,
-                         .drums_mg_ml = {0, 350, 0, 12.5f}};
-  message.instruments.push_back({.pose = {100, std::numbers::pi},
+                         .devices = {{.matter = DeviceMatter::nitinol,
+                                      .points = {{{1, 2, 3}, 0.5}, {{4, 5, 6}, 0.25}},
+                                      .inner_radius_mm = 0.125}},
+                         .drums_mg_ml = {0, 350, 0, 12.5f},
+                         .drums_mm = {{1, 1}, {2, 2.5}, {1, 1}, {3, 3.5}}};
+  message.instruments.push_back({.pose = {100, std::numbers::pi, 8, 20},
                                  .load = {0.5, 2e-3},
                                  .tip_branch = 21,
                                  .tip_along_mm = 12.5,
+                                 .balloon_mm = 6,
+                                 .free_rings = 3,
                                  .parts_mm = {{{1, 2, 3}, {4, 5, 6}}}});
   message.instruments.push_back({.pose = {}, .load = {}, .parts_mm = {{}, {{7, 8, 9}}}});
   const std::string bytes = packed(message);
-  EXPECT_EQ(bytes.substr(0, 4), std::string("\3\15\1\2", 4));
+  EXPECT_EQ(bytes.substr(0, 4), std::string("\4\15\1\2", 4));
   EXPECT_EQ(value_at<std::uint32_t>(bytes, 4), 7u);
   std::vector<float> rest;
   for (std::size_t at = 8; at < bytes.size(); at += 4) rest.push_back(value_at<float>(bytes, at));
@@ -148,15 +154,18 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
     std::memcpy(&as_real, &number, sizeof number);
     return as_real;
   };
-  const std::vector<float> wanted{1.5f,     2.5f,      3.5f,     100,      180,      0.5f,
-                                  2,        whole(21), 12.5f,    whole(1), whole(2), 1,
-                                  2,        3,         4,        5,        6,  //
-                                  0,        0,         0,        0,        whole(0), 0,
-                                  whole(2), whole(0),  whole(1), 7,        8,        9,  //
-                                  whole(2), whole(1),  350,      whole(3), 12.5f,    whole(0)};
+  const std::vector<float> wanted{
+      1.5f,     2.5f,     3.5f,     100,      180,      0.5f,     2,     whole(21), 12.5f, 8,        6,
+      20,       whole(3), whole(1), whole(2), 1,        2,        3,     4,         5,     6,  //
+      0,        0,        0,        0,        whole(0), 0,        0,     0,         0,     whole(0), whole(2),
+      whole(0), whole(1), 7,        8,        9,  //
+      whole(1), whole(2), 0.125f,   whole(2), 1,        2,        3,     0.5f,      4,     5,        6,
+      0.25f,  //
+      whole(2), whole(1), 350,      2,        2.5f,     whole(3), 12.5f, 3,         3.5f,  whole(0)};
   EXPECT_EQ(rest, wanted);
 
   message.instruments.clear();
+  message.devices.clear();
   message.body_time_s = 20;
   message.body_speed = 2;
   message.modes = {{.is_held = true, .phase = 0.25, .trace = {0.5f, 0.75f}},
@@ -165,11 +174,28 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
   message.drums_moved_mm = {{0, 0, 0}, {1, 2, 3}, {0, 0, 0}, {4, 5, 6}};
   const std::string moving = packed(message);
   std::vector<float> body;
-  for (std::size_t at = 20 + 4 * 5; at < moving.size(); at += 4) body.push_back(value_at<float>(moving, at));
+  for (std::size_t at = 20 + 4 * 10; at < moving.size(); at += 4) body.push_back(value_at<float>(moving, at));
   const std::vector<float> told{whole(2), 20,       2,    whole(1), 0.25f,    0,      whole(2), 0.5f,
                                 0.75f,    whole(2), 0.5f, 0.75f,    whole(2), 0.125f, 1,        whole(1),
                                 19.5f,    1,        2,    3,        4,        5,      6};
   EXPECT_EQ(body, told);
+}
+
+TEST(BrowserHand, FillsBalloonsAndDrawsSheathsOnce) {
+  BrowserHand hand(0);
+  ASSERT_TRUE(hand.receive(R"({"balloon": {"instrument": 1, "bar": 8}})", kStart));
+  ASSERT_TRUE(hand.receive(R"({"sheath": {"instrument": 0, "mm": 20}})", kStart));
+  ASSERT_TRUE(hand.receive(R"({"push": 1})", kStart));
+  const LiveCommands told = hand.commands(kStart), again = hand.commands(kStart);
+  EXPECT_FALSE(told.balloons_bar[0]);
+  EXPECT_EQ(told.balloons_bar[1], 8);
+  EXPECT_EQ(told.sheaths_mm[0], 20);
+  EXPECT_FALSE(again.balloons_bar[1] || again.sheaths_mm[0]);
+  for (const char* text :
+       {R"({"balloon": 8})", R"({"balloon": {"instrument": 3, "bar": 8}})",
+        R"({"balloon": {"instrument": 0.5, "bar": 8}})", R"({"balloon": {"instrument": 0, "bar": -1}})",
+        R"({"balloon": {"instrument": 0, "bar": "8"}})", R"({"sheath": {"instrument": 0, "mm": 1e9}})"})
+    EXPECT_FALSE(hand.receive(text, kStart)) << text;
 }
 
 TEST(BrowserHand, ChangesTheBodyOnce) {
@@ -208,7 +234,8 @@ TEST(BrowserMessage, IsSmallerThanItsJson) {
   }
   for (std::size_t drum = 0; drum < 500; ++drum) {
     message.drums_mg_ml[drum] = 100.25f + 0.5f * static_cast<float>(drum);
-    json["drums"].push_back({drum, message.drums_mg_ml[drum]});
+    message.drums_mm.emplace_back(2.25f, 2.5f);
+    json["drums"].push_back({drum, message.drums_mg_ml[drum], 2.25, 2.5});
   }
   const std::size_t binary_B = packed(message).size(), json_B = json.dump().size();
   std::cout << binary_B << " bytes, as JSON " << json_B << '\n';

@@ -45,13 +45,18 @@ Head head_of(const std::string& message) {
 }
 
 TEST(TrainerSetup, HasAllNumbersThatAreSimulated) {
-  const TrainerSetup setup = setup_with({"cobra-5f", "pigtail-5f", "guidewire-035-j"}, {0, 2});
+  const TrainerSetup setup =
+      setup_with({"cobra-5f", "pigtail-5f", "guidewire-035-j", "stent-6x18", "stent-self-8x40"}, {0, 2});
   const std::vector<double> numbers = packed(setup);
   const TrainerSetup again = trainer_setup_of(numbers);
   EXPECT_EQ(packed(again), numbers);
   EXPECT_EQ(again.entry.branch, setup.entry.branch);
   EXPECT_EQ(again.instruments()[1].length_mm(), setup.choices[2].length_mm());
   EXPECT_EQ(again.choices[1].rest_turn_rad(0, 60), setup.choices[1].rest_turn_rad(0, 60));
+  EXPECT_EQ(again.choices[3].balloon_radius_mm(7.5), setup.choices[3].balloon_radius_mm(7.5));
+  EXPECT_EQ(again.choices[3].stent()->length_at_mm(5), setup.choices[3].stent()->length_at_mm(5));
+  EXPECT_EQ(again.choices[4].max_release_mm(), setup.choices[4].max_release_mm());
+  EXPECT_EQ(again.choices[4].stent()->outward_N_mm(6), setup.choices[4].stent()->outward_N_mm(6));
 }
 
 TEST(TrainerSetup, RefusesNumbersThatAreCutOrWrong) {
@@ -188,11 +193,11 @@ TEST(Trainer, HasStepsThatARunRepeats) {
     trainer.hold(hand);
     trainer.advance(steps);
     const std::vector<double> taken = trainer.take_steps();
-    ASSERT_EQ(taken.size(), 5 * static_cast<std::size_t>(steps));
-    for (std::size_t at = 0; at < taken.size(); at += 5)
+    ASSERT_EQ(taken.size(), 9 * static_cast<std::size_t>(steps));
+    for (std::size_t at = 0; at < taken.size(); at += 9)
       csv += fmt::format("{:.3f},{},{},{},{}\n", taken[at], taken[at + 1],
-                         taken[at + 2] * 180 / std::numbers::pi, taken[at + 3],
-                         taken[at + 4] * 180 / std::numbers::pi);
+                         taken[at + 2] * 180 / std::numbers::pi, taken[at + 5],
+                         taken[at + 6] * 180 / std::numbers::pi);
   };
   go({.push = 1, .turn = 0.5}, 2000);
   trainer.hold_next_hub();
@@ -229,6 +234,37 @@ TEST(Trainer, HasStepsThatARunRepeats) {
     EXPECT_EQ(b.slips, a.slips);
     EXPECT_EQ(b.whips, a.whips);
   }
+}
+
+TEST(Trainer, TreatsAsItsStepsRepeated) {
+  const TrainerSetup setup = setup_with({"stent-6x18"}, {0});
+  Trainer trainer(setup);
+  const std::size_t bytes_before = trainer.message().size();
+  trainer.hold({.push = 1});
+  trainer.advance(6000);
+  trainer.hold({.pedal = true});
+  trainer.inflate(0, 9);
+  trainer.advance(1500);
+  const HubPose filled = trainer.instruments().pose(0);
+  const std::size_t bytes_filled = trainer.message().size();
+  trainer.inflate(0, 0);
+  trainer.advance(1500);
+  EXPECT_NEAR(filled.inflation_bar, 9, 1e-9);
+  const std::vector<Treatment>& done = trainer.instruments().treatments().list();
+  ASSERT_EQ(done.size(), 1u);
+  EXPECT_TRUE(done[0].is_over && done[0].stent);
+  EXPECT_GT(trainer.instruments().vessel_changes(), 0);
+  // The balloon, 7 rings and 18 links of the stent: some hundred points of 16 bytes.
+  EXPECT_GT(bytes_filled, bytes_before + 16 * 100);
+
+  Instruments again(*setup.tree, setup.instruments(), setup.entry);
+  const std::vector<double> steps = trainer.take_steps();
+  for (std::size_t at = 0; at < steps.size(); at += 5)
+    again.step(std::vector<HubPose>{{steps[at + 1], steps[at + 2], steps[at + 3], steps[at + 4]}});
+  const Treatment& repeated = again.treatments().list().at(0);
+  EXPECT_EQ(repeated.least_after_mm, done[0].least_after_mm);
+  EXPECT_EQ(repeated.stent_mm, done[0].stent_mm);
+  EXPECT_EQ(again.tip(0).position_mm, trainer.instruments().tip(0).position_mm);
 }
 
 TEST(Trainer, FollowsAScriptAsTheInstrumentsDo) {

@@ -40,7 +40,7 @@ sources="
   viewer/xraycast/fluoroscope/subtraction viewer/xraycast/fluoroscope/water_path
   viewer/xraycast/fluoroscope/xray_generator
   viewer/xraycast/acquisition/acquisition viewer/xraycast/acquisition/console viewer/xraycast/acquisition/phase_masks
-  viewer/xraycast/scene/contrast_surface viewer/xraycast/scene/instrument_curve
+  viewer/xraycast/scene/contrast_surface viewer/xraycast/scene/device_tubes viewer/xraycast/scene/instrument_curve
   viewer/xraycast/trainer/browser_message viewer/xraycast/trainer/fluoroscope_setup viewer/xraycast/trainer/page_motion
   viewer/xraycast/trainer/trainer viewer/xraycast/trainer/trainer_body
   viewer/xraycast/trainer/trainer_setup

@@ -66,18 +66,25 @@ EMSCRIPTEN_KEEPALIVE const char* trainer_gate(int mode, double phase) {
 }
 EMSCRIPTEN_KEEPALIVE void trainer_next_hub() { trainer->hold_next_hub(); }
 EMSCRIPTEN_KEEPALIVE void trainer_valve() { trainer->toggle_valve(); }
+EMSCRIPTEN_KEEPALIVE void trainer_inflate(std::size_t instrument, double bar) {
+  trainer->inflate(instrument, bar);
+}
+EMSCRIPTEN_KEEPALIVE void trainer_draw_sheath(std::size_t instrument, double mm) {
+  trainer->draw_sheath(instrument, mm);
+}
 EMSCRIPTEN_KEEPALIVE const char* trainer_exchange(std::size_t instrument, std::size_t choice) {
   return failure_of([&] { trainer->exchange(instrument, choice); });
 }
 
 EMSCRIPTEN_KEEPALIVE void trainer_advance(int steps) { trainer->advance(steps); }
 
-/// A step to an insertion in mm and a rotation in rad of each hub, which lie in the room; then it holds of
-/// each instrument the tip in mm, and force in N and torque in N m at the hub.
+/// A step to poses of all hubs, whose numbers (see numbers_of) lie in the room; then it holds of each
+/// instrument the tip in mm, and force in N and torque in N m at the hub.
 EMSCRIPTEN_KEEPALIVE void trainer_follow() {
   const xraycast::Instruments& instruments = trainer->instruments();
   std::vector<xraycast::HubPose> poses;
-  for (std::size_t d = 0; d < instruments.count(); ++d) poses.push_back({numbers[2 * d], numbers[2 * d + 1]});
+  for (std::size_t d = 0; d < instruments.count(); ++d)
+    poses.push_back({numbers[4 * d], numbers[4 * d + 1], numbers[4 * d + 2], numbers[4 * d + 3]});
   trainer->follow(poses);
   numbers.clear();
   for (std::size_t d = 0; d < instruments.count(); ++d) {

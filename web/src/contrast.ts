@@ -25,6 +25,15 @@ export class MovingDrums {
   }
 }
 
+/** A drum's end, whose points are its outline and its middle, to a radius; 0 leaves it as it is. */
+function widen(points_mm: Float32Array, first: number, count: number, radius_mm: number): void {
+  const middle = 3 * (first + count - 1), at = (axis: number) => points_mm[middle + axis]!;
+  const before_mm = Math.hypot(points_mm[3 * first]! - at(0), points_mm[3 * first + 1]! - at(1), points_mm[3 * first + 2]! - at(2));
+  const factor = radius_mm / before_mm, kSame = 1e-3; // coordinates are rounded
+  if (!(radius_mm > 0) || Math.abs(radius_mm - before_mm) < kSame + 0.01) return;
+  for (let i = 3 * first; i < middle; ++i) points_mm[i] = at(i % 3) + factor * (points_mm[i]! - at(i % 3));
+}
+
 /** The drums that hold some, each with its own attenuation; none where none does. */
 export function filled(whole: Contrast, drums: readonly FilledDrum[]): Surface | null {
   const { drum_points, drum_triangles, mesh } = whole, count = mesh.points_mm.length / 3 / drum_points;
@@ -32,9 +41,10 @@ export function filled(whole: Contrast, drums: readonly FilledDrum[]): Surface |
   if (known.length === 0) return null;
   const points_mm = new Float32Array(3 * drum_points * known.length), weights = new Float32Array(drum_points * known.length);
   const triangles = new Uint32Array(3 * drum_triangles * known.length);
-  known.forEach(({ drum, mg_ml, moved_mm }, i) => {
+  known.forEach(({ drum, mg_ml, ends_mm, moved_mm }, i) => {
     const first = drum_points * drum, moved = drum_points * i - first;
     points_mm.set(mesh.points_mm.subarray(3 * first, 3 * (first + drum_points)), 3 * drum_points * i);
+    for (const end of [0, 1] as const) widen(points_mm, drum_points * i + (end * drum_points) / 2, drum_points / 2, ends_mm[end]);
     if (moved_mm) for (let at = 3 * drum_points * i; at < 3 * drum_points * (i + 1); ++at) points_mm[at]! += moved_mm[at % 3]!;
     weights.fill(mg_ml, drum_points * i, drum_points * (i + 1));
     for (let corner = 0; corner < 3 * drum_triangles; ++corner)

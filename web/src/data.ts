@@ -56,6 +56,15 @@ export interface InstrumentHeader {
   radius_mm: number;
   /** Its tubing or core, and its markers, bands around the instrument. */
   parts: { mu_per_mm: number; colour: Vec3; inner_radius_mm: number }[]; // 0: a tube
+  balloon_bar?: number; // what its balloon bears
+  sheath?: { mm: number; rings: number }; // how far that of its stent is drawn back, and of how many rings that is
+}
+
+/** Of what balloons and stents consist. */
+export interface DeviceMatter {
+  mu_per_mm: number;
+  colour: Vec3;
+  tube_sides: number;
 }
 
 interface RunInstrumentHeader extends InstrumentHeader {
@@ -74,6 +83,7 @@ interface RunHeader {
 interface LiveHeader {
   instruments: InstrumentHeader[];
   contrast: MeshHeader & Matter & Drums;
+  matters: DeviceMatter[]; // of balloons and stents
   has_hub: boolean; // the page moves the hubs
   modes?: string[]; // of the body in motion, in order
   vessels: string[]; // branches of the tree, in words

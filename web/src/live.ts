@@ -4,6 +4,7 @@ import { Connection, Role, SessionLink } from "./connection";
 import { MovingDrums, filled } from "./contrast";
 import type { Live, Motion, Trainer } from "./data";
 import { Exchange, ExchangeOrder } from "./exchange";
+import { device_surfaces } from "./device_shape";
 import { surfaces_of } from "./instrument_shape";
 import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
@@ -14,12 +15,13 @@ import { ExposurePanel } from "./exposure_panel";
 import type { MaskMatching } from "./fluoroscope";
 import { Fluoroscopy } from "./fluoroscopy";
 import { Recording } from "./recording";
-import { Report } from "./report";
+import { Report, RunReport } from "./report";
 import { save_file } from "./saved_file";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
 import { Loads, LoadChart } from "./load_chart";
+import { Treating, state_of } from "./treating";
 import { TrainerLink, TrainerWorker } from "./trainer";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -82,6 +84,7 @@ export class LiveView {
   private readonly recording: Recording;
   private readonly steering: Steering;
   private readonly exchange: Exchange | null;
+  private readonly treating: Treating | null;
   private exposure: ExposurePanel | null = null;
   private readonly drums: MovingDrums | null; // of a body in motion whose server does not tell how they move
   private readonly connection: SessionLink | null;
@@ -108,6 +111,7 @@ export class LiveView {
     if (this.body) addEventListener("keydown", (event) => this.press(event, this.body!), { capture: true });
     this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send({ [action]: true }));
     this.exchange = trainer && trainer.choices.length > names.length ? new Exchange(trainer, (exchange) => this.send({ exchange })) : null;
+    this.treating = live.has_hub ? new Treating((order) => this.send(order)) : null;
     this.connection = trainer && worker ? this.simulate(trainer, worker, names, motion) : location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
     store.on_change((state, before) => state.pose !== before.pose && this.steering.steers && this.tell_c_arm());
@@ -132,10 +136,10 @@ export class LiveView {
       compiled: (code, setup) => this.begin_fluoroscopy(code, setup, exposure, link),
       moved: (steps) => this.recording.add_steps(steps),
       reported: (told) => {
-        report.told(told);
+        report.told(this.with_vessels(told));
         exercise?.told(told.exercise);
       },
-      saves: (told) => save_file(new Blob([`${JSON.stringify(told)}\n`], { type: "application/json" }), "report.json"),
+      saves: (told) => save_file(new Blob([`${JSON.stringify(this.with_vessels(told))}\n`], { type: "application/json" }), "report.json"),
       told: (message) => this.told(message), has_role: (role) => this.has_role(role), refused: (why) => this.notes.tell(`${why}.`),
       exchanged: (instrument, choice) => {
         this.live.instruments[instrument] = trainer.choices[choice]!;
@@ -150,6 +154,12 @@ export class LiveView {
       },
     });
     return link;
+  }
+
+  /** The simulation knows vessels by their numbers. */
+  private with_vessels(report: RunReport): RunReport {
+    for (const treatment of report.treatments ?? []) treatment.vessel = this.live.vessels[treatment.branch!] ?? treatment.vessel;
+    return report;
   }
 
   /** The page's own fluoroscope has controls from the start, and makes pictures once its code is there. */
@@ -212,7 +222,8 @@ export class LiveView {
       const instruments = this.live.instruments.flatMap((instrument, d) => surfaces_of(instrument, message.instruments[d]?.parts_mm ?? []));
       const phases = message.body?.modes.map(({ phase }) => phase);
       const contrast = filled(this.live.contrast, this.drums && phases ? this.drums.moved(message.filled, phases) : message.filled);
-      this.picture.live = contrast ? [...instruments, contrast] : instruments;
+      const seen = [...instruments, ...device_surfaces(message.devices, this.live.matters)];
+      this.picture.live = contrast ? [...seen, contrast] : seen;
       this.move_body(message);
       this.redraw();
     }
@@ -255,9 +266,13 @@ export class LiveView {
     this.held_hub = held_hub;
     this.chart.show();
     this.exchange?.show(held_hub);
+    const header = this.live.instruments[held_hub];
+    if (held && header) this.treating?.show(held_hub, header, held);
+    const treating = held && header ? state_of(header, held) : null;
     element("live-readout").textContent = [
       `${this.live.instruments[held_hub]?.name ?? ""} ${fixed(held?.insertion_mm ?? 0, 0)} mm, ${fixed(held?.rotation_deg ?? 0, 0)}°`,
       ...(held && held.insertion_mm > 0 ? [`tip in ${this.live.vessels[held.tip_branch] ?? "a vessel"}`] : []),
+      ...(treating ? [treating] : []),
       `${exposes ? "fluoroscopy" : "held picture"} ${message.fluoroscopy_s.toFixed(0)} s`, `${!injects ? "" : message.has_outlet ? "injecting, " : "no lumen is free, draw the wire back to 0 mm to inject; "}${message.injected_ml.toFixed(0)} ml`,
       ...(this.body?.state ? [this.body.state] : []),
     ].join("  ·  ");
@@ -310,7 +325,7 @@ export class LiveView {
     event.stopImmediatePropagation();
   }
 
-  private send(once: { [action in SteeringAction]?: boolean } & { body?: BodyChange; exchange?: ExchangeOrder; shows_series?: boolean; save_report?: boolean } = {}): void {
+  private send(once: { [action in SteeringAction]?: boolean } & Partial<Record<"balloon" | "sheath", object>> & { body?: BodyChange; exchange?: ExchangeOrder; shows_series?: boolean; save_report?: boolean } = {}): void {
     if (!this.steering.steers || !this.connection) return;
     const { pose } = this.store.state, message: Record<string, unknown> = { ...this.steering.held, ...once };
     if (this.has_moved && !this.trainer) message.c_arm = { lao_deg: pose.lao_deg, cranial_deg: pose.cranial_deg, zoom: pose.zoom, table_mm: pose.table_mm };

@@ -8,6 +8,10 @@ export interface LiveInstrument {
   torque_mNm: number;
   tip_branch: number; // of the vessel tree
   tip_along_mm: number;
+  inflation_bar: number; // of its balloon
+  balloon_mm: number; // its diameter; 0 without a balloon
+  release_mm: number; // how far its stent's sheath is drawn back
+  free_rings: number; // of that stent
   /** At the last exposure: the control points of each part's curve. */
   parts_mm: Vec3[][];
 }
@@ -23,13 +27,22 @@ export interface LiveMessage {
   fluoroscopy_s: number;
   injected_ml: number;
   instruments: LiveInstrument[]; // from the outermost on
+  devices: DeviceTube[]; // at the last exposure: balloons and stents
   filled: FilledDrum[]; // with contrast agent
   body: LiveBody | null; // in motion
+}
+
+/** A part of a balloon or stent. */
+export interface DeviceTube {
+  matter: number;
+  inner_radius_mm: number; // of a band; 0: a tube
+  points: [...at: Vec3, radius_mm: number][]; // none: it is not to be seen
 }
 
 export interface FilledDrum {
   drum: number;
   mg_ml: number;
+  ends_mm: [number, number]; // the radii of its two ends, which balloons and stents widen
   moved_mm?: Vec3; // by a body in motion
 }
 
@@ -50,7 +63,7 @@ export interface LiveBody {
 
 export const kTraceStep_s = 0.005;
 
-const kFormat = 3, kIsHeld = 1, kIsGate = 2;
+const kFormat = 4, kIsHeld = 1, kIsGate = 2;
 
 /** Throws where the message is of another format, or too short. */
 export function message_of(bytes: ArrayBuffer): LiveMessage {
@@ -77,9 +90,11 @@ export function message_of(bytes: ArrayBuffer): LiveMessage {
     exposes: (flags & 1) !== 0, injects: (flags & 2) !== 0, is_valve_locked: (flags & 4) !== 0, has_outlet: (flags & 8) !== 0, held_hub,
     exposures: whole(), time_s: real(), fluoroscopy_s: real(), injected_ml: real(),
     instruments: Array.from({ length: instruments }, () => ({
-      insertion_mm: real(), rotation_deg: real(), force_N: real(), torque_mNm: real(), tip_branch: whole(), tip_along_mm: real(), parts_mm: list(() => list(point)),
+      insertion_mm: real(), rotation_deg: real(), force_N: real(), torque_mNm: real(), tip_branch: whole(), tip_along_mm: real(),
+      inflation_bar: real(), balloon_mm: real(), release_mm: real(), free_rings: whole(), parts_mm: list(() => list(point)),
     })),
-    filled: list((): FilledDrum => ({ drum: whole(), mg_ml: real() })),
+    devices: list((): DeviceTube => ({ matter: whole(), inner_radius_mm: real(), points: list(() => [real(), real(), real(), real()]) })),
+    filled: list((): FilledDrum => ({ drum: whole(), mg_ml: real(), ends_mm: [real(), real()] })),
   };
   return { ...message, body: body(message.filled) };
 }

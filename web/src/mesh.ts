@@ -109,12 +109,13 @@ function ring_of({ at, tangent, normal }: Section, radius_mm: number, sides: num
   return points;
 }
 
-/** A tube around a line of two points or more, with a cone of one radius at either end. */
-export function tube(points: readonly Vec3[], radius_mm: number, sides: number): Mesh {
+/** A tube around a line of two points or more, with a cone of one radius at either end. `radius_mm`: one, or one a point. */
+export function tube(points: readonly Vec3[], radius_mm: number | readonly number[], sides: number): Mesh {
+  const radius_at = (k: number) => (typeof radius_mm === "number" ? radius_mm : radius_mm[k]!);
   const sections = sections_of(points), first = sections[0]!, last = sections[sections.length - 1]!, triangles: number[] = [];
-  const at = [...minus(first.at, times(radius_mm, first.tangent))];
-  for (const section of sections) at.push(...ring_of(section, radius_mm, sides));
-  at.push(...add(last.at, times(radius_mm, last.tangent)));
+  const at = [...minus(first.at, times(radius_at(0), first.tangent))];
+  sections.forEach((section, k) => at.push(...ring_of(section, radius_at(k), sides)));
+  at.push(...add(last.at, times(radius_at(points.length - 1), last.tangent)));
   const last_pole = at.length / 3 - 1, last_ring = last_pole - sides;
   for (let i = 0; i < sides; ++i) {
     const next = (i + 1) % sides;

@@ -4,36 +4,42 @@ import type { LiveMessage } from "./live_message";
 const kMostRows = 600_000; // of ten minutes in motion at a step a millisecond; the first ones go
 const kDegrees = 180 / Math.PI;
 
-/** Rows of a time in s and, of each hub, an insertion in mm and a rotation in degrees. */
+const kColumns = ["insertion_mm", "rotation_deg", "inflation_bar", "release_mm"] as const, kRotation = 1;
+const column_of = (column: number, hub: number): string => kColumns[column]!.replace("_", hub === 0 ? "_" : `_${hub + 1}_`);
+
+/** Rows of a time in s and, of each hub, an insertion in mm, a rotation in degrees, a balloon's pressure and how far a sheath is drawn back. */
 export class Recording {
   private numbers: number[] = [];
 
   constructor(private readonly hubs: number) {}
 
   private get width(): number {
-    return 1 + 2 * this.hubs;
+    return 1 + kColumns.length * this.hubs;
   }
 
   /** Of a session whose server tells of some steps alone. */
   add({ time_s, instruments }: Pick<LiveMessage, "time_s" | "instruments">): void {
-    this.add_row([time_s, ...instruments.flatMap(({ insertion_mm, rotation_deg }) => [insertion_mm, rotation_deg])]);
+    this.add_row([time_s, ...instruments.flatMap(({ insertion_mm, rotation_deg, inflation_bar, release_mm }) => [insertion_mm, rotation_deg, inflation_bar, release_mm])]);
   }
 
   /** Of each step, with rotations in rad. */
   add_steps(steps: Float64Array): void {
     const { width } = this;
-    for (let at = 0; at + width <= steps.length; at += width) this.add_row(Array.from(steps.subarray(at, at + width), (value, i) => (i > 0 && i % 2 === 0 ? value * kDegrees : value)));
+    for (let at = 0; at + width <= steps.length; at += width) this.add_row(Array.from(steps.subarray(at, at + width), (value, i) => (i > 0 && (i - 1) % kColumns.length === kRotation ? value * kDegrees : value)));
   }
 
   clear(): void {
     this.numbers = [];
   }
 
+  /** Columns of balloons and sheaths only where they were used. */
   csv(): string {
-    const { numbers, width } = this, from_s = numbers[0] ?? 0, lines: string[] = [];
-    const columns = Array.from({ length: this.hubs }, (_, d) => (d === 0 ? "insertion_mm,rotation_deg" : `insertion_${d + 1}_mm,rotation_${d + 1}_deg`));
-    for (let at = 0; at < numbers.length; at += width) lines.push(`${(numbers[at]! - from_s).toFixed(4)},${numbers.slice(at + 1, at + width).join()}\n`);
-    return `${["time_s", ...columns].join()}\n${lines.join("")}`;
+    const { numbers, width } = this, from_s = numbers[0] ?? 0, rows: number[][] = [];
+    for (let at = 0; at < numbers.length; at += width) rows.push(numbers.slice(at, at + width));
+    const columns = Array.from({ length: width - 1 }, (_, i) => i + 1).filter((i) => (i - 1) % kColumns.length <= kRotation || rows.some((row) => row[i] !== 0));
+    const names = columns.map((i) => column_of((i - 1) % kColumns.length, Math.floor((i - 1) / kColumns.length)));
+    const lines = rows.map((row) => `${(row[0]! - from_s).toFixed(4)},${columns.map((i) => row[i]).join()}\n`);
+    return `${["time_s", ...names].join()}\n${lines.join("")}`;
   }
 
   private add_row(row: number[]): void {

@@ -22,6 +22,12 @@ const kOfInstrument = [
   figure("mean_torque_mNm", "mean torque at the hub", "mN m", 2), figure("largest_wall_force_N", "largest force on the wall", "N", 2), figure("wall_impulse_Ns", "impulse on the wall above 0.1 N", "N s", 2),
   figure("slips", "slips"), figure("whips", "whips"), figure("exchanges", "exchanges"),
 ];
+const kOfTreatment = [
+  figure("largest_bar", "largest pressure", "bar", 1), figure("opened_mm", "opened to", "mm", 2), figure("occluded_s", "vessel filled by the balloon", "s", 1), figure("reference_mm", "reference diameter", "mm", 2),
+  figure("balloon_to_vessel", "balloon to vessel", "", 2), figure("least_before_mm", "least diameter before", "mm", 2), figure("least_after_mm", "least diameter after", "mm", 2),
+  figure("stenosis_before_percent", "stenosis before", "%"), figure("residual_stenosis_percent", "residual stenosis", "%"), figure("oversizing", "stent to vessel", "", 2),
+  figure("sheathed_rings", "rings still in the sheath"), figure("stent_mm", "stent's diameter", "mm", 2), figure("malapposition_mm", "struts off the wall, largest", "mm", 2),
+];
 const kOverTime = [figure("insertion_mm", "insertion", "mm"), figure("force_N", "force at the hub", "N", 2), figure("wall_force_N", "force on the wall", "N", 2)];
 
 type Figures = Record<string, number>;
@@ -36,6 +42,7 @@ export interface ExerciseReport {
 
 export interface RunReport {
   instruments: (Figures & { name: string })[];
+  treatments?: (Figures & { device: string; vessel: string })[];
   exercise?: ExerciseReport;
   series?: { time_s: number[]; instruments: Record<string, number[]>[] };
 }
@@ -68,7 +75,7 @@ export class Report {
 
   private show(): void {
     if (!this.list.open || !this.report) return;
-    const { instruments } = this.report, run = this.report as unknown as Figures;
+    const { instruments, treatments = [] } = this.report, run = this.report as unknown as Figures;
     const row = (kind: "td" | "th", words: string, ...values: string[]) => {
       const row = document.createElement("tr"), name = Object.assign(document.createElement("th"), { scope: "row", textContent: words });
       row.append(name, ...values.map((textContent) => Object.assign(document.createElement(kind), { textContent })));
@@ -77,6 +84,8 @@ export class Report {
     this.table.replaceChildren(
       ...kOfRun.map((figure) => row("td", figure.words, shown(run, figure))), row("th", "", ...instruments.map(({ name }) => name)),
       ...kOfInstrument.map((figure) => row("td", figure.words, ...instruments.map((figures) => shown(figures, figure)))),
+      ...(treatments.length === 0 ? [] : [row("th", "treated", ...treatments.map(({ device, vessel }) => `${vessel}: ${device}`))]),
+      ...kOfTreatment.filter(({ name }) => treatments.some((one) => one[name] !== undefined)).map((figure) => row("td", figure.words, ...treatments.map((figures) => shown(figures, figure)))),
     );
   }
 }

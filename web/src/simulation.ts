@@ -15,6 +15,8 @@ interface Exports {
   trainer_next_hub(): void;
   trainer_valve(): void;
   trainer_exchange(instrument: number, choice: number): number;
+  trainer_inflate(instrument: number, bar: number): void;
+  trainer_draw_sheath(instrument: number, mm: number): void;
   trainer_advance(steps: number): void;
   trainer_follow(): void;
   trainer_report(has_series: boolean): number;
@@ -76,6 +78,15 @@ export class Simulation {
     return this.text_at(this.calls.trainer_exchange(instrument, choice));
   }
 
+  /** To a pressure in bar. */
+  inflate(instrument: number, bar: number): void {
+    this.calls.trainer_inflate(instrument, bar);
+  }
+
+  draw_sheath(instrument: number, mm: number): void {
+    this.calls.trainer_draw_sheath(instrument, mm);
+  }
+
   /** Of a body in motion, whose modes have these names. Why it was refused, or null. */
   change_body({ hold, speed, gate }: BodyChange, modes: readonly string[]): string | null {
     const { calls } = this, refusals: (string | null)[] = [];
@@ -91,9 +102,9 @@ export class Simulation {
     this.calls.trainer_advance(steps);
   }
 
-  /** A step to an insertion in mm and a rotation in rad of each hub. Of each instrument: its tip's x, y, z in mm, force in N and torque in N m. */
+  /** A step to a pose of each hub: an insertion in mm, a rotation in rad, a balloon's pressure in bar, a sheath drawn back in mm. Of each instrument: its tip's x, y, z in mm, force in N and torque in N m. */
   follow(poses: Float64Array): Float64Array {
-    const instruments = poses.length / 2;
+    const instruments = poses.length / 4;
     this.put(poses);
     this.calls.trainer_follow();
     const at = this.calls.room_for(5 * instruments);
@@ -105,7 +116,7 @@ export class Simulation {
     return this.text_at(this.calls.trainer_report(has_series))!;
   }
 
-  /** Of each step since this was asked before: the time in s, and an insertion in mm and a rotation in rad of each hub. */
+  /** Of each step since this was asked before: the time in s, and a pose of each hub, as `follow` takes them. */
   take_steps(): Float64Array {
     const count = this.calls.trainer_take_steps();
     return new Float64Array(this.calls.memory.buffer, this.calls.room_for(count), count).slice();

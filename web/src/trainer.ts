@@ -103,6 +103,7 @@ export class TrainerLink implements SessionLink {
   private report_of(text: string): RunReport {
     const report = JSON.parse(text) as RunReport;
     for (const instrument of report.instruments) instrument.name = this.named(instrument.name);
+    for (const treatment of report.treatments ?? []) treatment.device = this.named(treatment.device);
     return report;
   }
 

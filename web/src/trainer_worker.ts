@@ -21,6 +21,8 @@ export interface Order extends HandHolds {
   next_hub?: boolean;
   valve?: boolean;
   exchange?: { instrument: number; choice: number };
+  balloon?: { instrument: number; bar: number };
+  sheath?: { instrument: number; mm: number };
   body?: BodyChange;
   shows_series?: boolean; // of reports from now on
   save_report?: boolean;
@@ -102,6 +104,8 @@ function obey(order: Order): void {
     shows_series = order.shows_series;
     series_ms = -Infinity;
   }
+  if (order.balloon) simulation.inflate(order.balloon.instrument, order.balloon.bar);
+  if (order.sheath) simulation.draw_sheath(order.sheath.instrument, order.sheath.mm);
   if (order.body) change_body(order.body);
   if (order.save_report) scope.postMessage({ saved: simulation.report(true) });
   if (!order.exchange) return;

@@ -19,6 +19,8 @@ struct xrc_simulation {
   xraycast::Instruments instruments;
   std::optional<xraycast::BodyClock> clock;  ///< of a body that moves
   std::vector<std::string> modes;            ///< of its motion
+  /// Of these the pressures and sheaths alone.
+  std::array<xraycast::HubPose, xraycast::Instruments::kMaxCount> wanted;
   mutable std::vector<glm::dvec3> nodes_mm;
   mutable std::vector<xraycast::InstrumentContact> contacts;
 };
@@ -132,6 +134,7 @@ xrc_simulation* simulation_of(const xrc_setup& setup, const xrc_body* body) {
       clock,
       clock ? clock->names() : std::vector<std::string>(),
       {},
+      {},
       {}};
 }
 
@@ -151,15 +154,19 @@ BodyClock& clock_of(xrc_simulation* simulation) {
   return *clock;
 }
 
-std::array<HubPose, Instruments::kMaxCount> targets_of(std::span<const xrc_hub> hubs, std::size_t count) {
+using Poses = std::array<HubPose, Instruments::kMaxCount>;
+
+/// With the pressures and sheaths that are wanted.
+Poses targets_of(std::span<const xrc_hub> hubs, std::size_t count, const Poses& wanted) {
   if (hubs.size() != count)
     throw InputError("hubs: {}, which should be {}, one an instrument", hubs.size(), count);
-  std::array<HubPose, Instruments::kMaxCount> targets;
+  Poses targets = wanted;
   for (std::size_t i = 0; i < count; ++i) {
     const auto& [insertion_mm, rotation_rad] = hubs[i];
     if (!std::isfinite(insertion_mm) || !std::isfinite(rotation_rad))
       throw InputError("hubs: instrument {}'s pose is not finite", i);
-    targets[i] = {insertion_mm, rotation_rad};
+    targets[i].insertion_mm = insertion_mm;
+    targets[i].rotation_rad = rotation_rad;
   }
   return targets;
 }
@@ -171,11 +178,23 @@ const xrc_simulation& with(const xrc_simulation* simulation, std::size_t instrum
   return *simulation;
 }
 
+double not_negative(double value, const char* name) {
+  if (!(value >= 0 && std::isfinite(value)))
+    throw InputError("{}: {}, which should be 0 or more", name, value);
+  return value;
+}
+
 void put(const glm::dvec3& from, double* to) { std::copy_n(&from.x, 3, to); }
 
 void put(const InstrumentContact& from, xrc_contact* to) {
   put(from.position_mm, to->position_mm);
   put(from.force_N, to->force_N);
+}
+
+void put(const Treatment& from, xrc_treatment* to) {
+  *to = {from.instrument,     from.is_over ? 1 : 0, from.branch,     from.from_mm,
+         from.to_mm,          from.largest_bar,     from.opened_mm,  from.least_before_mm,
+         from.least_after_mm, from.reference_mm,    from.occluded_s, from.stent_mm};
 }
 
 /// Copies values out, each to `width` of `room`, which holds `capacity`, and tells how many there are.
@@ -210,8 +229,8 @@ void xrc_destroy(xrc_simulation* simulation) { delete simulation; }
 
 xrc_status xrc_step(xrc_simulation* simulation, const xrc_hub* hubs, size_t hub_count) {
   return status_of([&] {
-    auto& [instruments, clock, modes, nodes, touching] = given(simulation, "simulation");
-    const std::array targets = targets_of(array_of(hubs, hub_count, "hubs"), instruments.count());
+    auto& [instruments, clock, modes, wanted, nodes, touching] = given(simulation, "simulation");
+    const std::array targets = targets_of(array_of(hubs, hub_count, "hubs"), instruments.count(), wanted);
     if (clock) clock->advance(instruments.step_s());
     instruments.step(std::span(targets).first(instruments.count()),
                      clock ? clock->phases() : std::vector<double>());
@@ -222,7 +241,8 @@ xrc_status xrc_step_at(xrc_simulation* simulation, const xrc_hub* hubs, size_t h
                        const double* phases, size_t phase_count) {
   return status_of([&] {
     Instruments& instruments = given(simulation, "simulation").instruments;
-    const std::array targets = targets_of(array_of(hubs, hub_count, "hubs"), instruments.count());
+    const std::array targets =
+        targets_of(array_of(hubs, hub_count, "hubs"), instruments.count(), simulation->wanted);
     instruments.step(std::span(targets).first(instruments.count()),
                      phases_of(array_of(phases, phase_count, "phases"), *simulation));
   });
@@ -289,7 +309,7 @@ xrc_status xrc_get_tip(const xrc_simulation* simulation, size_t instrument, xrc_
 xrc_status xrc_get_shape(const xrc_simulation* simulation, size_t instrument, double* nodes_mm,
                          size_t capacity, size_t* count) {
   return status_of([&] {
-    const auto& [instruments, clock, modes, nodes, touching] = with(simulation, instrument);
+    const auto& [instruments, clock, modes, wanted, nodes, touching] = with(simulation, instrument);
     size_t& node_count = given(count, "count");
     array_of(nodes_mm, capacity, "nodes_mm");
     instruments.copy_nodes(instrument, nodes);
@@ -300,7 +320,7 @@ xrc_status xrc_get_shape(const xrc_simulation* simulation, size_t instrument, do
 xrc_status xrc_get_contacts(const xrc_simulation* simulation, size_t instrument, xrc_contact* contacts,
                             size_t capacity, size_t* count) {
   return status_of([&] {
-    const auto& [instruments, clock, modes, nodes, touching] = with(simulation, instrument);
+    const auto& [instruments, clock, modes, wanted, nodes, touching] = with(simulation, instrument);
     size_t& contact_count = given(count, "count");
     array_of(contacts, capacity, "contacts");
     instruments.copy_contacts(instrument, touching);
@@ -313,6 +333,41 @@ xrc_status xrc_exchange(xrc_simulation* simulation, size_t instrument, const cha
     with(simulation, instrument);
     simulation->instruments.exchange(instrument,
                                      InstrumentModel::named(&given(name_or_file, "name_or_file")));
+    simulation->wanted[instrument] = {};
+  });
+}
+
+xrc_status xrc_inflate(xrc_simulation* simulation, size_t instrument, double bar) {
+  return status_of([&] {
+    with(simulation, instrument);
+    simulation->wanted[instrument].inflation_bar = not_negative(bar, "bar");
+  });
+}
+
+xrc_status xrc_draw_sheath(xrc_simulation* simulation, size_t instrument, double mm) {
+  return status_of([&] {
+    with(simulation, instrument);
+    simulation->wanted[instrument].release_mm = not_negative(mm, "mm");
+  });
+}
+
+xrc_status xrc_get_device(const xrc_simulation* simulation, size_t instrument, xrc_device* device) {
+  return status_of([&] {
+    const Instruments& instruments = with(simulation, instrument).instruments;
+    const bool has_balloon = instruments.rod(instrument).instrument().balloon().has_value();
+    given(device, "device") = {
+        instruments.balloon_bar(instrument), has_balloon ? 2 * instruments.balloon_radius_mm(instrument) : 0,
+        instruments.pose(instrument).release_mm, instruments.carried_rings(instrument)};
+  });
+}
+
+xrc_status xrc_get_treatments(const xrc_simulation* simulation, xrc_treatment* treatments, size_t capacity,
+                              size_t* count) {
+  return status_of([&] {
+    const Instruments& instruments = given(simulation, "simulation").instruments;
+    size_t& treatment_count = given(count, "count");
+    array_of(treatments, capacity, "treatments");
+    copy_out(instruments.treatments().list(), treatments, capacity, 1, treatment_count);
   });
 }
 }

@@ -133,6 +133,43 @@ xrc_status xrc_get_contacts(const xrc_simulation* simulation, size_t instrument,
  * not move. Takes some 50 ms. */
 xrc_status xrc_exchange(xrc_simulation* simulation, size_t instrument, const char* name_or_file);
 
+/* To which pressure the balloon of an instrument is filled by the steps from now on, at 10 bar/s and no
+ * further than it bears, and only while all of it is beyond the introducer and the instruments around it; 0
+ * folds it. An instrument without a balloon stays as it is. */
+xrc_status xrc_inflate(xrc_simulation* simulation, size_t instrument, double bar);
+
+/* How far the sheath of an instrument's stent, which opens itself, is drawn back by the steps from now on, at
+ * 50 mm/s. It never goes back over the stent. */
+xrc_status xrc_draw_sheath(xrc_simulation* simulation, size_t instrument, double mm);
+
+/* What an instrument treats with, as of the last step. */
+typedef struct xrc_device {
+  double balloon_bar;
+  double balloon_mm; /* its diameter; 0 without a balloon */
+  double sheath_mm;  /* drawn back so far */
+  int carried_rings; /* of its stent, that are still on the balloon or in the sheath */
+} xrc_device;
+xrc_status xrc_get_device(const xrc_simulation* simulation, size_t instrument, xrc_device* device);
+
+/* What a balloon or a stent did to a vessel. Diameters are of the lumen, lengths along the branch from its
+ * first point. */
+typedef struct xrc_treatment {
+  size_t instrument;
+  int is_over; /* the balloon is folded again, or all of the stent is free */
+  int branch;
+  double from_mm, to_mm;
+  double largest_bar;
+  double opened_mm; /* the balloon's diameter at that pressure, or the stent's */
+  double least_before_mm, least_after_mm;
+  double reference_mm; /* the vessel's, beside that length, before */
+  double occluded_s;   /* for so long it filled its vessel */
+  double stent_mm;     /* the diameter of the stent that was left there; 0 without, or until it is over */
+} xrc_treatment;
+
+/* Writes at most `capacity` treatments, in order, and how many there are into `count`. */
+xrc_status xrc_get_treatments(const xrc_simulation* simulation, xrc_treatment* treatments, size_t capacity,
+                              size_t* count);
+
 #ifdef __cplusplus
 }
 #endif

@@ -37,9 +37,10 @@ std::string printable_name(std::span<const char> field) {
   return printable ? std::string(field.begin(), end) : std::string();
 }
 
-std::optional<std::size_t> hub_of(std::string_view name, std::size_t hubs) {
+/// Of names such as Hub, Hub2, Hub3.
+std::optional<std::size_t> hub_of(std::string_view name, const char* first, std::size_t hubs) {
   for (std::size_t hub = 0; hub < hubs; ++hub)
-    if (name == numbered("Hub", hub)) return hub;
+    if (name == numbered(first, hub)) return hub;
   return std::nullopt;
 }
 
@@ -79,13 +80,19 @@ std::optional<Query> query_of(std::string_view type) {
   return std::nullopt;
 }
 
-/// A number with nothing or its unit behind it.
-std::optional<double> rate_ml_s(std::string_view text) {
-  double rate = 0;
-  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), rate);
-  const std::string_view unit(stop, static_cast<std::size_t>(text.data() + text.size() - stop));
-  const bool is_rate = error == std::errc() && rate >= 0 && rate <= kMaxInjection_ml_s;
-  return is_rate && (unit.empty() || unit == " ml/s" || unit == "ml/s") ? std::optional(rate) : std::nullopt;
+/// A number of 0 to `most` with nothing or its unit behind it.
+std::optional<double> amount(std::string_view text, std::string_view unit, double most) {
+  double value = 0;
+  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  std::string_view rest(stop, static_cast<std::size_t>(text.data() + text.size() - stop));
+  if (rest.starts_with(' ')) rest.remove_prefix(1);
+  const bool is_amount =
+      error == std::errc() && value >= 0 && value <= most && (rest.empty() || rest == unit);
+  return is_amount ? std::optional(value) : std::nullopt;
+}
+
+Complaint no_amount(std::string_view name, double most, std::string_view unit) {
+  return {"string", fmt::format("sent STRING {} that is not 0 to {:g} {}", name, most, unit)};
 }
 
 bool is_rotation(const glm::dmat3& m) {
@@ -242,9 +249,16 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_string(std::span<const std::byte> c
     return Complaint{"string", "sent STRING Pedal that is neither 'down' nor 'up'"};
   }
   if (name_ == "Contrast") {
-    if (const auto rate = rate_ml_s(text)) return ContrastRate{*rate};
-    return Complaint{
-        "string", fmt::format("sent STRING Contrast that is no rate of 0 to {:g} ml/s", kMaxInjection_ml_s)};
+    if (const auto rate = amount(text, "ml/s", kMaxInjection_ml_s)) return ContrastRate{*rate};
+    return no_amount(name_, kMaxInjection_ml_s, "ml/s");
+  }
+  if (const auto hub = hub_of(name_, "Balloon", kMaxHubs)) {
+    if (const auto bar = amount(text, "bar", kMaxBalloon_bar)) return BalloonPressure{*hub, *bar};
+    return no_amount(name_, kMaxBalloon_bar, "bar");
+  }
+  if (const auto hub = hub_of(name_, "Sheath", kMaxHubs)) {
+    if (const auto mm = amount(text, "mm", kMaxInsertion_mm)) return SheathDrawn{*hub, *mm};
+    return no_amount(name_, kMaxInsertion_mm, "mm");
   }
   if (name_ == "Body") {
     constexpr std::size_t kLongest = 100;
@@ -252,8 +266,9 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_string(std::span<const std::byte> c
     return Complaint{"string",
                      fmt::format("sent STRING Body of {} characters, more than {}", text.size(), kLongest)};
   }
-  return Complaint{"string",
-                   fmt::format("sent STRING '{}', which is none of Pedal, Contrast and Body", name_)};
+  return Complaint{
+      "string",
+      fmt::format("sent STRING '{}', which is none of Pedal, Contrast, Balloon, Sheath and Body", name_)};
 }
 
 IgtlinkReceiver::Event IgtlinkReceiver::read_transform(std::span<const std::byte> content) {
@@ -267,7 +282,7 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_transform(std::span<const std::byte
   if (!std::ranges::all_of(matrix, [](float value) { return std::isfinite(value); }))
     return Complaint{"number", "sent TRANSFORM with values that are not finite"};
   const bool is_c_arm = name_ == "CArm";
-  const std::optional<std::size_t> hub = hub_of(name_, hubs_);
+  const std::optional<std::size_t> hub = hub_of(name_, "Hub", hubs_);
   if (is_session_ && !hub && !is_c_arm)
     return Complaint{
         "name", fmt::format("sent TRANSFORM '{}', which is none of {} and CArm", name_, hub_names(hubs_))};

@@ -50,6 +50,20 @@ struct ContrastRate {
   double ml_s = 0;
 };
 
+/// STRING `Balloon`, `Balloon2`, `Balloon3`: to which pressure an instrument's balloon is to be filled; `8`,
+/// `8 bar` or `0`. It is filled no further than it bears.
+struct BalloonPressure {
+  std::size_t hub = 0;
+  double bar = 0;
+};
+
+/// STRING `Sheath`, `Sheath2`, `Sheath3`: how far the sheath of an instrument's stent is to be drawn back;
+/// `20` or `20 mm`.
+struct SheathDrawn {
+  std::size_t hub = 0;
+  double mm = 0;
+};
+
 /// STRING `Body`: what is to change about a body in motion, in words.
 struct BodyText {
   std::string text;
@@ -78,7 +92,7 @@ struct Complaint {
 class IgtlinkReceiver {
  public:
   using Event = std::variant<HubMove, StatusRequest, StreamRequest, CArmMove, PedalPress, ContrastRate,
-                             BodyText, Complaint>;
+                             BalloonPressure, SheathDrawn, BodyText, Complaint>;
   using Rotations = std::array<double, kMaxHubs>;  ///< rad
 
   /// A body longer than this means a damaged header: no message to a hub is nearly as long.
@@ -87,6 +101,8 @@ class IgtlinkReceiver {
   static constexpr std::size_t kMaxParsed_B = 4096;
   /// Longer than any guide wire.
   static constexpr double kMaxInsertion_mm = 10000;
+  /// More than any balloon bears.
+  static constexpr double kMaxBalloon_bar = 100;
   /// Above this an isocentre is no place in a body, and an interval no stream.
   static constexpr double kMaxPosition_mm = 10000;
   static constexpr std::chrono::milliseconds kMaxInterval{60'000};

@@ -213,7 +213,7 @@ bool IgtlinkServer::takes_hub(IgtlinkClient& client) {
   return true;
 }
 
-/// C-arm, pedal, contrast agent and body.
+/// C-arm, pedal, contrast agent, balloons, sheaths and body.
 void IgtlinkServer::obey(IgtlinkClient& client, const IgtlinkReceiver::Event& event) {
   if (!watching_.is_allowed)
     return say(client, "session", "sent a command for the C-arm, which only `xraycast serve` obeys");
@@ -224,6 +224,12 @@ void IgtlinkServer::obey(IgtlinkClient& client, const IgtlinkReceiver::Event& ev
     client.is_pressing = press->is_down;
   } else if (const auto* rate = std::get_if<ContrastRate>(&event)) {
     client.injection_ml_s = rate->ml_s;
+  } else if (const auto* pressure = std::get_if<BalloonPressure>(&event)) {
+    IgtlinkOrder& order = commands_.balloons_bar[pressure->hub];
+    order = {pressure->bar, order.orders + 1};
+  } else if (const auto* drawn = std::get_if<SheathDrawn>(&event)) {
+    IgtlinkOrder& order = commands_.sheaths_mm[drawn->hub];
+    order = {drawn->mm, order.orders + 1};
   } else if (const auto* body = std::get_if<BodyText>(&event)) {
     commands_.body.push_back(body->text);
     if (commands_.body.size() > IgtlinkCommands::kKeptTexts) commands_.body.erase(commands_.body.begin());

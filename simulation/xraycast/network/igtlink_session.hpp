@@ -3,6 +3,7 @@
 #include "xraycast/catheter/hub.hpp"
 #include "xraycast/projection/view.hpp"
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -34,12 +35,21 @@ struct IgtlinkWatching {
   bool is_unasked = false;  ///< every client receives all streams without asking
 };
 
+/// What a client last ordered, and how often one did.
+struct IgtlinkOrder {
+  double value = 0;
+  std::uint64_t orders = 0;
+};
+
 /// What all clients of a session command, besides the hubs.
 struct IgtlinkCommands {
   bool pedal = false;         ///< down for any of them
   double injection_ml_s = 0;  ///< the greatest
   View c_arm;  ///< the newest that a TRANSFORM `CArm` asked for: its angles, and the isocentre as its centre
   std::uint64_t c_arm_moves = 0;
+  /// One a hub: to which pressure its balloon is to be filled, in bar, and how far its sheath drawn back, in
+  /// mm.
+  std::array<IgtlinkOrder, kMaxHubs> balloons_bar{}, sheaths_mm{};
   static constexpr std::size_t kKeptTexts = 16;
   std::vector<std::string> body;  ///< the last of what STRINGs `Body` asked for, oldest first
   std::uint64_t body_texts = 0;   ///< so far

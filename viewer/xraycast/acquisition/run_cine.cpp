@@ -2,9 +2,9 @@
 
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/device_surface.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/same_scan.hpp"
-#include "xraycast/scene/stent_surface.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/simulation/instrument_pressures.hpp"
 
@@ -158,9 +158,8 @@ std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double
     instruments.copy_nodes(d, nodes_mm);
     if (later_s != 0 && d < before_mm_.size())
       nodes_mm = moved_on(nodes_mm, before_mm_[d], time_s - before_s_, later_s);
-    for (Surface& surface : instrument_surfaces(
-             nodes_mm, instruments.rod(d).instrument(),
-             {instruments.balloon_bar(d), instruments.carried_rings(d), instruments.pose(d).release_mm}))
+    for (Surface& surface :
+         instrument_surfaces(nodes_mm, instruments.rod(d).instrument(), treating_view(instruments, d)))
       surfaces.push_back(std::move(surface));
   }
   add_stents(instruments, surfaces);
@@ -177,7 +176,7 @@ std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double
 /// Where the body shows them at the instant; a pulse does not blur them.
 void RunCine::add_stents(const Instruments& instruments, std::vector<Surface>& surfaces) const {
   for (const PlacedStent& stent : instruments.treatments().stents())
-    for (Surface& surface : stent_surfaces(stent, tree_)) {
+    for (Surface& surface : device_surfaces(stent_tubes(stent, tree_))) {
       if (options_.body.motion && !instruments.phases().empty()) {
         const HeldMotion held = options_.body.motion->held_at(instruments.phases());
         for (glm::vec3& point_mm : surface.mesh.points_mm)

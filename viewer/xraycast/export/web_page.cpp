@@ -11,6 +11,7 @@
 #include "xraycast/sampling/map_texels.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/scene/device_surface.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/trainer/fluoroscope_setup.hpp"
@@ -220,11 +221,30 @@ PageJson add_run(const ExportRequest& session, Parts& parts) {
           {"instruments", std::move(instruments)}};
 }
 
+/// One that can be steered, with what its hub does besides.
+PageJson steered_json(const InstrumentModel& model) {
+  PageJson json = instrument_json(model.name(), drawn(model));
+  if (model.balloon()) json["balloon_bar"] = model.max_inflation_bar();
+  if (model.has_sheath()) json["sheath"] = {{"mm", model.max_release_mm()}, {"rings", model.stent()->rings}};
+  return json;
+}
+
 PageJson instruments_json(const std::vector<InstrumentModel>& models) {
   PageJson instruments = PageJson::array();
-  for (const InstrumentModel& model : models)
-    instruments.push_back(instrument_json(model.name(), drawn(model)));
+  for (const InstrumentModel& model : models) instruments.push_back(steered_json(model));
   return instruments;
+}
+
+/// Of what balloons and stents consist, by DeviceMatter.
+PageJson matters_json() {
+  PageJson matters = PageJson::array();
+  for (int matter = 0; matter < kDeviceMatters; ++matter) {
+    const DeviceMaterial& material = material_of(static_cast<DeviceMatter>(matter));
+    matters.push_back({{"mu_per_mm", material.mu_per_mm},
+                       {"colour", list(material.colour)},
+                       {"tube_sides", material.tube_sides}});
+  }
+  return matters;
 }
 
 PageJson add_live(const ExportRequest& session, Parts& parts) {
@@ -234,6 +254,7 @@ PageJson add_live(const ExportRequest& session, Parts& parts) {
   contrast["drum_triangles"] = ContrastSurface::kDrumTriangles;
   return {{"instruments", instruments_json(session.live->instruments)},
           {"contrast", std::move(contrast)},
+          {"matters", matters_json()},
           {"has_hub", session.live->has_hub},
           {"modes", session.live->modes},
           {"vessels", session.live->vessels}};

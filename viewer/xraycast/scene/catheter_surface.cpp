@@ -2,6 +2,7 @@
 
 #include "xraycast/attenuation/solid_material.hpp"
 #include "xraycast/geometry/tube.hpp"
+#include "xraycast/scene/device_surface.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/instrument_curve.hpp"
 #include "xraycast/scene/vessels.hpp"
@@ -41,7 +42,6 @@ void add_ring(const Ring& circle, double radius_mm, std::vector<glm::vec3>& poin
 }
 
 InstrumentPart marker_part(std::vector<glm::dvec3> nodes_mm, const MarkerModel& marker, double radius_mm) {
-  constexpr glm::dvec3 kMarkerColour{0.95, 0.8, 0.35};
   return {std::move(nodes_mm), std::max(0.0, radius_mm - marker.thickness_mm), marker_per_mm(marker.material),
           kMarkerColour};
 }
@@ -93,15 +93,6 @@ Mesh band_mesh(const NurbsCurve& curve, double radius_mm, double inner_radius_mm
   return mesh;
 }
 
-Surface marker_surface(const DrawnEnd& end, const MarkerModel& marker, double radius_mm) {
-  const InstrumentPart part =
-      marker_part(end.nodes_between(marker.from_tip_mm, marker.end_from_tip_mm()), marker, radius_mm);
-  Surface surface = band_surface(part, radius_mm);
-  surface.mu_per_mm = part.mu_per_mm;
-  surface.colour = part.colour;
-  return surface;
-}
-
 SteeredInstruments::Instrument drawn(const InstrumentModel& model, std::vector<glm::dvec3> nodes_mm) {
   return {.nodes_mm = std::move(nodes_mm),
           .radius_mm = model.radius_mm(),
@@ -112,7 +103,7 @@ SteeredInstruments::Instrument drawn(const InstrumentModel& model, std::vector<g
 std::vector<Surface> instrument_surfaces(const std::vector<glm::dvec3>& nodes_mm,
                                          const InstrumentModel& instrument, const TreatingView& view) {
   std::vector<Surface> surfaces = instrument_surfaces(drawn(instrument, nodes_mm));
-  for (Surface& surface : treating_surfaces(nodes_mm, instrument, view))
+  for (Surface& surface : device_surfaces(treating_tubes(nodes_mm, instrument, view)))
     surfaces.push_back(std::move(surface));
   return surfaces;
 }

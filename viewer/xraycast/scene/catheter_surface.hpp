@@ -3,10 +3,10 @@
 #include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/geometry/nurbs_curve.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/scene/device_tubes.hpp"
 #include "xraycast/scene/instrument_curve.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
-#include "xraycast/scene/treating_surface.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -22,9 +22,7 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
 Mesh band_mesh(const NurbsCurve& curve, double radius_mm, double inner_radius_mm);
 /// Flat sides are nearer to the axis by a fiftieth at most, and so is the wall thinner.
 inline constexpr int kBandSides = 16;
-
-/// A marker of an instrument; nothing where less than a tenth of a millimetre of it is in the body.
-Surface marker_surface(const DrawnEnd& end, const MarkerModel& marker, double radius_mm);
+inline constexpr glm::dvec3 kMarkerColour{0.95, 0.8, 0.35};
 
 /// How an instrument of a model is drawn.
 SteeredInstruments::Instrument drawn(const InstrumentModel& model, std::vector<glm::dvec3> nodes_mm = {});
@@ -42,7 +40,7 @@ std::vector<InstrumentPart> instrument_parts(const SteeredInstruments::Instrumen
 
 /// The surfaces of an instrument, one a part.
 std::vector<Surface> instrument_surfaces(const SteeredInstruments::Instrument& instrument);
-/// And those of its balloon and stent (see treating_surfaces).
+/// And those of its balloon and stent (see treating_tubes).
 std::vector<Surface> instrument_surfaces(const std::vector<glm::dvec3>& nodes_mm,
                                          const InstrumentModel& instrument, const TreatingView& view = {});
 

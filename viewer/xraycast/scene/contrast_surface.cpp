@@ -2,6 +2,8 @@
 
 #include "xraycast/geometry/tube.hpp"
 
+#include <glm/geometric.hpp>
+
 #include <numbers>
 #include <numeric>
 #include <span>
@@ -94,6 +96,16 @@ std::vector<glm::vec3> ContrastSurface::drums_moved_mm(std::span<const glm::vec3
   for (std::size_t p = 0; p < points_mm.size(); ++p)
     moved_mm[p / kDrumPoints] += (points_mm[p] - whole_.points_mm[p]) / static_cast<float>(kDrumPoints);
   return moved_mm;
+}
+
+std::vector<glm::vec2> ContrastSurface::radii_mm() const {
+  std::vector<glm::vec2> radii(drums_.size());
+  const auto radius_mm = [&](std::size_t first) {
+    return glm::distance(whole_.points_mm[first], whole_.points_mm[first + kRingSides]);
+  };
+  for (std::size_t d = 0; d < drums_.size(); ++d)
+    radii[d] = {radius_mm(d * kDrumPoints), radius_mm(d * kDrumPoints + kRingSides + 1)};
+  return radii;
 }
 
 Surface ContrastSurface::whole() const {

@@ -4,6 +4,7 @@
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/scene.hpp"
 
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
 #include <span>
@@ -36,6 +37,9 @@ class ContrastSurface {
 
   /// How far each drum has been moved, where the points of `whole` are elsewhere: the mean of its points, mm.
   std::vector<glm::vec3> drums_moved_mm(std::span<const glm::vec3> points_mm) const;
+
+  /// Of every drum's two ends.
+  std::vector<glm::vec2> radii_mm() const;
 
   /// All drums, whatever they hold: so many points and triangles each, one drum behind the other.
   Surface whole() const;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -40,6 +41,20 @@ class HandMessage {
     if (const auto gate = body.find("gate"); gate != field->end()) changes.gate = body.gate(*gate);
     if (!body.is_good()) is_good_ = false;
     return changes;
+  }
+
+  /// {"instrument": 1, "bar": 8}, of the hubs from the outermost on: an order to one of them.
+  std::array<std::optional<double>, kMaxHubs> order(const char* name, const char* unit, double most) {
+    std::array<std::optional<double>, kMaxHubs> orders{};
+    const auto field = find(name);
+    if (field == json_.end()) return orders;
+    HandMessage order(*field);
+    const double hub = order.number("instrument", 0, kMaxHubs - 1, 0), value = order.number(unit, 0, most, 0);
+    if (!order.is_good() || hub != std::floor(hub))
+      is_good_ = false;
+    else
+      orders[static_cast<std::size_t>(hub)] = value;
+    return orders;
   }
 
   bool flag(const char* name) {
@@ -117,6 +132,9 @@ bool BrowserHand::receive(std::string_view text, Clock::time_point now) {
   said.valve_toggles = message.flag("valve") ? 1 : 0;
   said.c_arm = message.c_arm("c_arm", mid_height_mm_);
   said.body = message.body("body");
+  constexpr double kMost_bar = 100, kMost_mm = 1000;
+  said.balloons_bar = message.order("balloon", "bar", kMost_bar);
+  said.sheaths_mm = message.order("sheath", "mm", kMost_mm);
   if (!message.is_good()) return false;
 
   constexpr int kMost = 100;  // that are kept while nobody asks
@@ -125,6 +143,10 @@ bool BrowserHand::receive(std::string_view text, Clock::time_point now) {
   said.next_hubs = std::min(kMost, said.next_hubs + commands_.next_hubs);
   said.valve_toggles = std::min(kMost, said.valve_toggles + commands_.valve_toggles);
   if (!said.c_arm) said.c_arm = commands_.c_arm;
+  for (std::size_t hub = 0; hub < kMaxHubs; ++hub) {
+    if (!said.balloons_bar[hub]) said.balloons_bar[hub] = commands_.balloons_bar[hub];
+    if (!said.sheaths_mm[hub]) said.sheaths_mm[hub] = commands_.sheaths_mm[hub];
+  }
   BodyChanges body = std::move(commands_.body);
   body.add(said.body);
   said.body = std::move(body);
@@ -146,6 +168,7 @@ LiveCommands BrowserHand::commands(Clock::time_point now) {
   }
   commands_.next_hubs = commands_.valve_toggles = 0;
   commands_.c_arm.reset();
+  commands_.balloons_bar = commands_.sheaths_mm = {};
   commands_.body = {};
   return commands;
 }

@@ -4,6 +4,7 @@
 #include "xraycast/scene/instrument_curve.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -20,6 +21,12 @@ class HubsOfServer final : public HapticDevice {
  private:
   std::shared_ptr<IgtlinkDevice> server_;
 };
+
+/// Nothing where no more than `seen` were given.
+std::optional<double> fresh_order(const IgtlinkOrder& order, std::uint64_t& seen) {
+  if (std::exchange(seen, order.orders) == order.orders) return std::nullopt;
+  return order.value;
+}
 
 std::string image_of(const LivePicture& picture) {
   return picture.codes.empty() ? pack_image(picture.view, picture.greys)
@@ -51,6 +58,10 @@ LiveCommands IgtlinkOutlet::commands() {
   const auto fresh = std::min<std::uint64_t>(now.body_texts - body_texts_, now.body.size());
   commands.body_texts.assign(now.body.end() - static_cast<std::ptrdiff_t>(fresh), now.body.end());
   body_texts_ = now.body_texts;
+  for (std::size_t hub = 0; hub < kMaxHubs; ++hub) {
+    commands.balloons_bar[hub] = fresh_order(now.balloons_bar[hub], balloon_orders_[hub]);
+    commands.sheaths_mm[hub] = fresh_order(now.sheaths_mm[hub], sheath_orders_[hub]);
+  }
   if (now.c_arm_moves == c_arm_moves_) return commands;
   c_arm_moves_ = now.c_arm_moves;
   commands.c_arm = CArmRequest{.lao_rad = now.c_arm.lao_rad, .cranial_rad = now.c_arm.cranial_rad};

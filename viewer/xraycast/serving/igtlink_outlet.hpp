@@ -25,6 +25,7 @@ class IgtlinkOutlet final : public LiveOutlet {
 
   std::shared_ptr<IgtlinkDevice> server_;
   std::uint64_t c_arm_moves_ = 0, body_texts_ = 0;
+  std::array<std::uint64_t, kMaxHubs> balloon_orders_{}, sheath_orders_{};
   double reported_s_ = -1;  ///< the run's time at its last report
 };
 

@@ -1,9 +1,11 @@
 #pragma once
 
+#include "xraycast/catheter/hub.hpp"
 #include "xraycast/projection/view.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/serving/intervention.hpp"
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -28,6 +30,8 @@ struct LiveCommands {
   // Since the last call:
   std::optional<CArmRequest> c_arm{};
   int next_hubs = 0, valve_toggles = 0;  ///< how often each was asked for
+  /// One a hub: to which pressure its balloon is to be filled, in bar, and how far its sheath drawn back.
+  std::array<std::optional<double>, kMaxHubs> balloons_bar{}, sheaths_mm{};
   BodyChanges body{};
   std::vector<std::string> body_texts{};  ///< the same in words, in their order; see parse_body_changes
 };

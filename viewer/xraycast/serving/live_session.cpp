@@ -84,12 +84,22 @@ void LiveSession::obey() {
     all.rotation_rad_s += one.rotation_rad_s;
     if (one.c_arm) move_c_arm(*one.c_arm);
     change_body(one);
+    treat(one);
     for (int i = 0; i < one.next_hubs; ++i) intervention_.hold_next_hub();
     for (int i = 0; i < one.valve_toggles; ++i) intervention_.toggle_valve();
   }
   intervention_.press_pedal(all.pedal);
   intervention_.run().inject(all.injection_ml_s);
   if (ManualDevice* hand = intervention_.manual()) hand->set_rates(all.insertion_mm_s, all.rotation_rad_s);
+}
+
+/// What an instrument has no balloon or sheath for stays undone.
+void LiveSession::treat(const LiveCommands& commands) {
+  SimulatedRun& run = intervention_.run();
+  for (std::size_t hub = 0; hub < run.now().count(); ++hub) {
+    if (commands.balloons_bar[hub]) run.inflate(hub, *commands.balloons_bar[hub]);
+    if (commands.sheaths_mm[hub]) run.draw_sheath(hub, *commands.sheaths_mm[hub]);
+  }
 }
 
 /// What cannot be is told once, and nothing else: a client may ask for anything.

@@ -68,6 +68,7 @@ class LiveSession {
  private:
   void obey();
   void change_body(const LiveCommands& commands);
+  void treat(const LiveCommands& commands);
   void move_c_arm(const CArmRequest& request);
   bool is_watched() const;
   void expose(double passed_s);

@@ -1,8 +1,8 @@
 #include "xraycast/serving/simulated_run.hpp"
 
 #include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/device_surface.hpp"
 #include "xraycast/scene/pulse_blur.hpp"
-#include "xraycast/scene/stent_surface.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <fmt/format.h>
@@ -26,6 +26,10 @@ SimulationLoop::Body clock_of_body(const SimulatedRun::Moving& moving) {
 }
 
 }  // namespace
+
+TreatingView treating_view(const InstrumentSnapshot& instrument) {
+  return {instrument.balloon_bar, instrument.carried_rings, instrument.pose.release_mm};
+}
 
 SimulatedRun::Moving SimulatedRun::Moving::of(const RunRequest& request) {
   if (!request.body.motion) return {};
@@ -102,32 +106,49 @@ void SimulatedRun::take_vessels() {
   bolus_.take_radii(widened);
   stents_.clear();
   for (const PlacedStent& stent : treated_->stents)
-    for (Surface& surface : stent_surfaces(stent, *tree_)) stents_.push_back(std::move(surface));
+    for (DeviceTube& tube : stent_tubes(stent, *tree_)) stents_.push_back(std::move(tube));
+  stent_surfaces_ = device_surfaces(stents_);
   if (!motion_) return;
   Progress progress;
   moving_.contrast =
       std::make_shared<const MovingPoints>(contrast_.whole().mesh.points_mm, *motion_, progress);
   stent_points_.clear();
-  for (const Surface& surface : stents_)
-    stent_points_.emplace_back(surface.mesh.points_mm, *motion_, progress);
+  for (const DeviceTube& tube : stents_) {
+    std::vector<glm::vec3> points_mm;
+    for (const VesselPoint& point : tube.points) points_mm.emplace_back(point.position_mm);
+    stent_points_.emplace_back(points_mm, *motion_, progress);
+  }
 }
 
 std::vector<Surface> SimulatedRun::instruments(double later_s) const {
   std::vector<Surface> surfaces;
   for (std::size_t d = 0; d < now_->count(); ++d)
     for (Surface& surface :
-         instrument_surfaces(nodes_of(d, later_s), models()[d],
-                             {now_->instrument(d).balloon_bar, now_->instrument(d).carried_rings,
-                              now_->instrument(d).pose.release_mm}))
+         instrument_surfaces(nodes_of(d, later_s), models()[d], treating_view(now_->instrument(d))))
       surfaces.push_back(std::move(surface));
-  for (std::size_t s = 0; s < stents_.size(); ++s) {
-    surfaces.push_back(stents_[s]);
-    if (s < stent_points_.size()) {
-      const auto moved_mm = stent_points_[s].at(now_->phases);
-      surfaces.back().mesh.points_mm.assign(moved_mm.begin(), moved_mm.end());
-    }
-  }
+  const std::vector<Surface> stents = motion_ ? device_surfaces(moved_stents()) : stent_surfaces_;
+  surfaces.insert(surfaces.end(), stents.begin(), stents.end());
   return surfaces;
+}
+
+std::vector<DeviceTube> SimulatedRun::moved_stents() const {
+  std::vector<DeviceTube> moved = stents_;
+  for (std::size_t s = 0; s < stent_points_.size(); ++s) {
+    const auto points_mm = stent_points_[s].at(now_->phases);
+    for (std::size_t i = 0; i < moved[s].points.size(); ++i) moved[s].points[i].position_mm = points_mm[i];
+  }
+  return moved;
+}
+
+std::vector<DeviceTube> SimulatedRun::devices() const {
+  std::vector<DeviceTube> all;
+  for (std::size_t d = 0; d < now_->count(); ++d) {
+    const InstrumentSnapshot& instrument = now_->instrument(d);
+    for (DeviceTube& tube : treating_tubes(instrument.nodes_mm, models()[d], treating_view(instrument)))
+      all.push_back(std::move(tube));
+  }
+  for (DeviceTube& tube : moved_stents()) all.push_back(std::move(tube));
+  return all;
 }
 
 std::vector<glm::dvec3> SimulatedRun::nodes_of(std::size_t instrument, double later_s) const {

@@ -6,6 +6,7 @@
 #include "xraycast/haptics/hub_couplings.hpp"
 #include "xraycast/motion/moving_points.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/scene/device_tubes.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/serving/live_body.hpp"
 #include "xraycast/serving/live_monitor.hpp"
@@ -22,6 +23,8 @@
 #include <vector>
 
 namespace xraycast {
+
+TreatingView treating_view(const InstrumentSnapshot& instrument);
 
 /// A catheter, or coaxial instruments, steered in real time, as the operator experiences it: shapes and
 /// loads, the contrast agent injected through them, and a recording of the hubs. All calls on one thread; the
@@ -90,10 +93,13 @@ class SimulatedRun {
   /// Now, or so much later as they go on; with the stents that were left.
   std::vector<Surface> instruments(double later_s = 0) const;
   Surface contrast(double later_s = 0) const;
+  /// Now: balloons, stents on them or in sheaths, and those that were left.
+  std::vector<DeviceTube> devices() const;
 
   /// Null where the body is still.
   const std::shared_ptr<LiveBody>& body() const { return moving_.body; }
   std::vector<float> drums_mg_ml() const { return contrast_.drums_mg_ml(bolus_.iodine_mg_ml()); }
+  std::vector<glm::vec2> drums_mm() const { return contrast_.radii_mm(); }
   /// None where the body is still.
   std::vector<glm::vec3> drums_moved_mm() const;
 
@@ -114,6 +120,7 @@ class SimulatedRun {
 
  private:
   void take_vessels();
+  std::vector<DeviceTube> moved_stents() const;
   struct Poses {
     double time_s;
     std::array<HubPose, kMaxHubs> hubs;
@@ -131,8 +138,9 @@ class SimulatedRun {
   Moving moving_;
   std::shared_ptr<const Motion> motion_;           ///< none: the body is still
   std::shared_ptr<const TreatedVessels> treated_;  ///< that contrast agent and stents are of
-  std::vector<Surface> stents_;                    ///< in the scan
-  std::vector<MovingPoints> stent_points_;         ///< of each; none where the body is still
+  std::vector<DeviceTube> stents_;                 ///< in the scan
+  std::vector<Surface> stent_surfaces_;            ///< of each, where the body is still
+  std::vector<MovingPoints> stent_points_;         ///< of each, where it moves
   double body_from_s_;                             ///< the body's time as the run begins
   double injection_ml_s_ = 0, injected_ml_ = 0;
   std::deque<Load> loads_;

@@ -24,6 +24,7 @@ LiveCommands WebOutlet::commands() {
   if (moves_hub_) return commands;
   commands.insertion_mm_s = commands.rotation_rad_s = 0;
   commands.next_hubs = commands.valve_toggles = 0;
+  commands.balloons_bar = commands.sheaths_mm = {};
   return commands;
 }
 
@@ -48,6 +49,7 @@ void WebOutlet::publish(const LiveFrame& frame) {
     const InstrumentTip& tip = now.instrument(d).tip;
     message_.instruments[d].tip_branch = static_cast<std::size_t>(tip.branch);
     message_.instruments[d].tip_along_mm = tip.arc_length_mm;
+    tell_treating(message_.instruments[d], run.models()[d], treating_view(now.instrument(d)));
   }
   if (message_.exposures != static_cast<std::uint32_t>(intervention.exposures())) take_exposure(intervention);
   if (LiveBody* body = frame.body) take_body(*body);
@@ -106,7 +108,9 @@ void WebOutlet::take_exposure(const Intervention& intervention) {
     for (const std::vector<glm::dvec3>& length_mm : lengths_of(instrument.nodes_mm, instrument.markers))
       parts_mm.push_back(controls_of(length_mm));
   }
+  message_.devices = intervention.devices();
   message_.drums_mg_ml = intervention.drums_mg_ml();
+  message_.drums_mm = intervention.drums_mm();
   message_.drums_moved_mm = intervention.drums_moved_mm();
   message_.modes.resize(intervention.phases().size());
   for (std::size_t m = 0; m < message_.modes.size(); ++m) message_.modes[m].phase = intervention.phases()[m];

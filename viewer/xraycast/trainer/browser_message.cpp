@@ -8,7 +8,7 @@
 namespace xraycast {
 namespace {
 
-constexpr unsigned kFormat = 3;
+constexpr unsigned kFormat = 4;
 constexpr unsigned kExposes = 1, kInjects = 2, kIsLocked = 4, kHasOutlet = 8;
 constexpr unsigned kIsHeld = 1, kIsGate = 2;  // of a mode
 
@@ -36,11 +36,28 @@ void add_instrument(const BrowserMessage::Instrument& instrument, Numbers& numbe
   numbers.real(1000 * instrument.load.torque_Nm);
   numbers.whole(instrument.tip_branch);
   numbers.real(instrument.tip_along_mm);
+  numbers.real(instrument.pose.inflation_bar);
+  numbers.real(instrument.balloon_mm);
+  numbers.real(instrument.pose.release_mm);
+  numbers.whole(static_cast<std::size_t>(instrument.free_rings));
   numbers.whole(instrument.parts_mm.size());
   for (const std::vector<glm::dvec3>& part_mm : instrument.parts_mm) {
     numbers.whole(part_mm.size());
     for (const glm::dvec3& point_mm : part_mm)
       for (int axis = 0; axis < 3; ++axis) numbers.real(point_mm[axis]);
+  }
+}
+
+void add_devices(const std::vector<DeviceTube>& tubes, Numbers& numbers) {
+  numbers.whole(tubes.size());
+  for (const DeviceTube& tube : tubes) {
+    numbers.whole(static_cast<std::size_t>(tube.matter));
+    numbers.real(tube.inner_radius_mm);
+    numbers.whole(tube.points.size());
+    for (const VesselPoint& point : tube.points) {
+      for (int axis = 0; axis < 3; ++axis) numbers.real(point.position_mm[axis]);
+      numbers.real(point.radius_mm);
+    }
   }
 }
 
@@ -52,12 +69,14 @@ std::vector<std::size_t> filled_drums(const std::vector<float>& drums_mg_ml) {
   return filled;
 }
 
-void add_drums(const std::vector<float>& drums_mg_ml, Numbers& numbers) {
-  const std::vector<std::size_t> filled = filled_drums(drums_mg_ml);
+void add_drums(const BrowserMessage& message, Numbers& numbers) {
+  const std::vector<std::size_t> filled = filled_drums(message.drums_mg_ml);
   numbers.whole(filled.size());
   for (const std::size_t drum : filled) {
     numbers.whole(drum);
-    numbers.real(drums_mg_ml[drum]);
+    numbers.real(message.drums_mg_ml[drum]);
+    for (int end = 0; end < 2; ++end)
+      numbers.real(drum < message.drums_mm.size() ? message.drums_mm[drum][end] : 0);
   }
 }
 
@@ -87,6 +106,11 @@ void add_modes(const BrowserMessage& message, Numbers& numbers) {
 
 }  // namespace
 
+void tell_treating(BrowserMessage::Instrument& told, const InstrumentModel& model, const TreatingView& view) {
+  told.balloon_mm = model.balloon() ? 2 * model.balloon_radius_mm(view.bar) : 0;
+  told.free_rings = model.has_sheath() ? model.stent()->rings - view.carried_rings : 0;
+}
+
 std::string packed(const BrowserMessage& message) {
   Numbers numbers;
   numbers.byte(kFormat);
@@ -100,7 +124,8 @@ std::string packed(const BrowserMessage& message) {
   numbers.real(message.injected_ml);
   for (const BrowserMessage::Instrument& instrument : message.instruments)
     add_instrument(instrument, numbers);
-  add_drums(message.drums_mg_ml, numbers);
+  add_devices(message.devices, numbers);
+  add_drums(message, numbers);
   add_modes(message, numbers);
   return std::move(numbers).bytes();
 }

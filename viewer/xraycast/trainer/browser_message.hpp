@@ -1,7 +1,10 @@
 #pragma once
 
 #include "xraycast/catheter/hub.hpp"
+#include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/scene/device_tubes.hpp"
 
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
 #include <cstddef>
@@ -18,6 +21,8 @@ struct BrowserMessage {
     HubLoad load;
     std::size_t tip_branch = 0;  ///< of the vessel tree, and how far along it the tip is
     double tip_along_mm = 0;
+    double balloon_mm = 0;  ///< its diameter; 0 without a balloon
+    int free_rings = 0;     ///< of its stent, that have left its sheath
     /// At the last exposure: the control points of each part's curve (see lengths_of and controls_of).
     std::vector<std::vector<glm::dvec3>> parts_mm;
   };
@@ -28,7 +33,10 @@ struct BrowserMessage {
   std::size_t held_hub = 0;
   std::uint32_t exposures = 0;            ///< so far; the picture changes with it
   std::vector<Instrument> instruments{};  ///< from the outermost on
-  std::vector<float> drums_mg_ml{};       ///< at the last exposure: iodine in the drums of a ContrastSurface
+  /// At the last exposure: balloons, stents on their way, and those that were left, where they are seen.
+  std::vector<DeviceTube> devices{};
+  std::vector<float> drums_mg_ml{};   ///< at the last exposure: iodine in the drums of a ContrastSurface
+  std::vector<glm::vec2> drums_mm{};  ///< then: the radii of their ends, which balloons and stents widen
 
   /// A mode of a body in motion.
   struct Mode {
@@ -42,6 +50,9 @@ struct BrowserMessage {
   std::vector<glm::vec3> drums_moved_mm{};  ///< at the last exposure: how far the body has moved each drum
   std::vector<double> exposures_s{};        ///< since the last message, by the body's clock
 };
+
+/// What an instrument's balloon and stent are like.
+void tell_treating(BrowserMessage::Instrument& told, const InstrumentModel& model, const TreatingView& view);
 
 /// Its bytes: little-endian, all numbers of four bytes but the first four, of one (docs/web.md). Drums
 /// without iodine are left out, as all of the body is where it has no modes.

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <utility>
 
 namespace xraycast {
@@ -37,6 +38,10 @@ Instruments::Options in_body(const std::optional<TrainerBody>& body) {
 
 }  // namespace
 
+std::array<double, 4> numbers_of(const HubPose& pose) {
+  return {pose.insertion_mm, pose.rotation_rad, pose.inflation_bar, pose.release_mm};
+}
+
 Trainer::Trainer(TrainerSetup setup)
     : setup_(std::move(setup)),
       body_(body_of(setup_)),
@@ -52,6 +57,14 @@ void Trainer::hold_next_hub() { device_.hold((device_.held() + 1) % instruments_
 
 void Trainer::toggle_valve() {
   if (instruments_.count() > 1) couplings_.lock(!couplings_.is_locked());
+}
+
+void Trainer::inflate(std::size_t instrument, double bar) {
+  if (instrument < instruments_.count()) couplings_.inflate(instrument, bar);
+}
+
+void Trainer::draw_sheath(std::size_t instrument, double mm) {
+  if (instrument < instruments_.count()) couplings_.draw_sheath(instrument, mm);
 }
 
 void Trainer::exchange(std::size_t instrument, std::size_t choice) {
@@ -101,7 +114,7 @@ void Trainer::count_step() {
                               .contrast_ml = message_.injected_ml});
   poses_.push_back(instruments_.time_s());
   for (std::size_t d = 0; d < instruments_.count(); ++d)
-    poses_.insert(poses_.end(), {instruments_.pose(d).insertion_mm, instruments_.pose(d).rotation_rad});
+    for (const double number : numbers_of(instruments_.pose(d))) poses_.push_back(number);
 }
 
 std::vector<double> Trainer::take_steps() { return std::exchange(poses_, {}); }
@@ -118,6 +131,7 @@ std::string Trainer::message() {
     const InstrumentTip tip = instruments_.tip(d);
     message_.instruments[d].tip_branch = static_cast<std::size_t>(tip.branch);
     message_.instruments[d].tip_along_mm = tip.arc_length_mm;
+    tell_treating(message_.instruments[d], instruments_.rod(d).instrument(), treating_view(instruments_, d));
   }
   const bool is_gate_open = this->is_gate_open();
   if (message_.exposures == 0 || (is_gate_open && is_pulse_due())) expose();
@@ -152,6 +166,7 @@ void Trainer::let_flow() {
   message_.time_s = told_s_ = instruments_.time_s();
   message_.has_outlet = outlet.has_value();
   if (passed_s <= 0) return;
+  take_vessels();
   bolus_.flow().fill(fillings_of(*setup_.tree, instruments_));
   const double ml_s = hand_.injects && outlet ? kInjection_ml_s : 0;
   bolus_.step(passed_s, location_of(instruments_.tip(outlet.value_or(0))), ml_s);
@@ -159,11 +174,36 @@ void Trainer::let_flow() {
   if (hand_.pedal) message_.fluoroscopy_s += passed_s;
 }
 
+/// As balloons and stents have left them.
+void Trainer::take_vessels() {
+  if (std::exchange(vessel_changes_, instruments_.vessel_changes()) == instruments_.vessel_changes()) return;
+  const VesselTree widened = instruments_.widened_tree();
+  contrast_ = ContrastSurface(widened, kAnyAttenuation_per_mm);
+  bolus_.take_radii(widened);
+}
+
+std::vector<DeviceTube> Trainer::devices(std::span<const std::vector<glm::dvec3>> nodes_mm) const {
+  std::vector<DeviceTube> all;
+  const auto add = [&](std::vector<DeviceTube> tubes) {
+    std::move(tubes.begin(), tubes.end(), std::back_inserter(all));
+  };
+  for (std::size_t d = 0; d < instruments_.count(); ++d)
+    add(treating_tubes(nodes_mm[d], instruments_.rod(d).instrument(), treating_view(instruments_, d)));
+  const std::size_t carried = all.size();
+  for (const PlacedStent& stent : instruments_.treatments().stents()) add(stent_tubes(stent, *setup_.tree));
+  if (!body_ || all.size() == carried) return all;
+  const HeldMotion held = body_->motion()->held_at(exposed_phases_);
+  for (std::size_t t = carried; t < all.size(); ++t)
+    for (VesselPoint& point : all[t].points) point.position_mm = held.inverse_mm(point.position_mm).x_mm;
+  return all;
+}
+
 void Trainer::expose() {
   ++message_.exposures;
   if (hand_.pedal) ++pulses_;
-  std::vector<glm::dvec3> nodes_mm;
+  std::vector<std::vector<glm::dvec3>> all_nodes_mm(instruments_.count());
   for (std::size_t d = 0; d < instruments_.count(); ++d) {
+    std::vector<glm::dvec3>& nodes_mm = all_nodes_mm[d];
     instruments_.copy_nodes(d, nodes_mm);
     const std::vector<MarkerModel>& markers = setup_.choices[setup_.used[d]].markers();
     auto& parts_mm = message_.instruments[d].parts_mm;
@@ -176,6 +216,8 @@ void Trainer::expose() {
     message_.modes.resize(exposed_phases_.size());
     for (std::size_t m = 0; m < exposed_phases_.size(); ++m) message_.modes[m].phase = exposed_phases_[m];
   }
+  message_.drums_mm = contrast_.radii_mm();
+  message_.devices = devices(all_nodes_mm);
   message_.drums_mg_ml = contrast_.drums_mg_ml(bolus_.iodine_mg_ml());
 }
 

@@ -10,6 +10,7 @@
 #include "xraycast/trainer/trainer_body.hpp"
 #include "xraycast/trainer/trainer_setup.hpp"
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -22,6 +23,10 @@ struct TrainerHand {
   double push = 0, turn = 0;  ///< -1 to 1, of the hub that is held
   bool is_slow = false, pedal = false, injects = false;
 };
+
+/// An insertion in mm, a rotation in rad, a balloon's pressure in bar, and how far a sheath is drawn back, in
+/// mm.
+std::array<double, 4> numbers_of(const HubPose& pose);
 
 /// Instruments steered by hand in one thread, which its owner steps: a page without a server has it in a
 /// worker, as WebAssembly. What it tells is what a server of a live session tells (docs/web.md), but how
@@ -45,6 +50,11 @@ class Trainer {
   void hold_next_hub();
   void toggle_valve();
 
+  /// To which pressure the balloon of an instrument is filled, in bar, and how far the sheath of its stent is
+  /// drawn back (see HubCouplings).
+  void inflate(std::size_t instrument, double bar);
+  void draw_sheath(std::size_t instrument, double mm);
+
   /// Takes one of the choices instead of an instrument, as Instruments::exchange.
   void exchange(std::size_t instrument, std::size_t choice);
 
@@ -64,14 +74,15 @@ class Trainer {
   const Instruments& instruments() const { return instruments_; }
   const RunMonitor& monitor() const { return monitor_; }
 
-  /// Since this was asked before, of each step: the time in s, and an insertion in mm and a rotation in rad
-  /// of each hub.
+  /// Since this was asked before, of each step: the time in s, and the numbers of each hub's pose.
   std::vector<double> take_steps();
 
  private:
   void step(std::span<const HubPose> poses);
   void count_step();
   void let_flow();
+  void take_vessels();
+  std::vector<DeviceTube> devices(std::span<const std::vector<glm::dvec3>> nodes_mm) const;
   bool is_pulse_due();
   bool is_gate_open();
   void expose();
@@ -83,6 +94,7 @@ class Trainer {
   HubCouplings couplings_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
+  long vessel_changes_ = 0;  ///< that bolus and contrast agent have
   RunMonitor monitor_;
   std::vector<double> poses_;  ///< of the steps that were not taken yet
   TrainerHand hand_;

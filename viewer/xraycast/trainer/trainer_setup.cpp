@@ -4,6 +4,7 @@
 #include "xraycast/trainer/setup_numbers.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 
 namespace xraycast {
@@ -35,6 +36,33 @@ void add_tree(const VesselTree& tree, std::vector<double>& numbers) {
   }
 }
 
+void add_balloon(const std::optional<BalloonModel>& balloon, std::vector<double>& numbers) {
+  numbers.push_back(balloon ? 1 : 0);
+  if (!balloon) return;
+  for (const double number : {balloon->diameter_mm, balloon->length_mm, balloon->from_tip_mm,
+                              balloon->nominal_bar, balloon->rated_burst_bar})
+    numbers.push_back(number);
+  numbers.push_back(static_cast<double>(balloon->chart.size()));
+  for (const BalloonModel::Size& size : balloon->chart) {
+    numbers.push_back(size.bar);
+    numbers.push_back(size.diameter_mm);
+  }
+}
+
+void add_stent(const std::optional<StentModel>& stent, std::vector<double>& numbers) {
+  numbers.push_back(stent ? 1 : 0);
+  if (!stent) return;
+  for (const double number :
+       {stent->diameter_mm, stent->length_mm, double(stent->rings), double(stent->crowns),
+        double(stent->links), stent->link_mm, stent->strut_mm, stent->from_tip_mm})
+    numbers.push_back(number);
+  numbers.push_back(static_cast<double>(stent->outward.size()));
+  for (const StentModel::Force& force : stent->outward) {
+    numbers.push_back(force.diameter_mm);
+    numbers.push_back(force.outward_N_mm);
+  }
+}
+
 void add_model(const InstrumentModel::Properties& p, std::vector<double>& numbers) {
   for (const double number : {p.radius_mm, p.inner_radius_mm, p.mass_per_length_g_mm, p.axial_stiffness_N,
                               p.static_friction, p.kinetic_friction})
@@ -55,6 +83,8 @@ void add_model(const InstrumentModel::Properties& p, std::vector<double>& number
     for (const double number : {marker.from_tip_mm, marker.length_mm, marker.thickness_mm})
       numbers.push_back(number);
   }
+  add_balloon(p.balloon, numbers);
+  add_stent(p.stent, numbers);
 }
 
 std::shared_ptr<const VesselTree> tree_of(SetupNumbers& numbers) {
@@ -76,6 +106,36 @@ VesselEnd entry_of(const VesselTree& tree, SetupNumbers& numbers) {
   for (const VesselEnd& end : vessel_ends(tree))
     if (end.branch == branch && end.at_start == at_start) return end;
   throw InputError("{}: there is no end of branch {}", kName, branch);
+}
+
+std::optional<BalloonModel> balloon_of(SetupNumbers& numbers) {
+  if (numbers.whole(1) == 0) return std::nullopt;
+  BalloonModel balloon;
+  for (double* number : {&balloon.diameter_mm, &balloon.length_mm, &balloon.from_tip_mm, &balloon.nominal_bar,
+                         &balloon.rated_burst_bar})
+    *number = numbers.real();
+  balloon.chart.resize(numbers.count());
+  for (BalloonModel::Size& size : balloon.chart) {
+    size.bar = numbers.real();
+    size.diameter_mm = numbers.real();
+  }
+  return balloon;
+}
+
+std::optional<StentModel> stent_of(SetupNumbers& numbers) {
+  if (numbers.whole(1) == 0) return std::nullopt;
+  constexpr int kMost = 1000;  // rings, or crowns of one
+  StentModel stent;
+  stent.diameter_mm = numbers.real();
+  stent.length_mm = numbers.real();
+  for (int* number : {&stent.rings, &stent.crowns, &stent.links}) *number = numbers.whole(kMost);
+  for (double* number : {&stent.link_mm, &stent.strut_mm, &stent.from_tip_mm}) *number = numbers.real();
+  stent.outward.resize(numbers.count());
+  for (StentModel::Force& force : stent.outward) {
+    force.diameter_mm = numbers.real();
+    force.outward_N_mm = numbers.real();
+  }
+  return stent;
 }
 
 InstrumentModel model_of(SetupNumbers& numbers, const std::string& name) {
@@ -101,6 +161,8 @@ InstrumentModel model_of(SetupNumbers& numbers, const std::string& name) {
     for (double* number : {&marker.from_tip_mm, &marker.length_mm, &marker.thickness_mm})
       *number = numbers.real();
   }
+  p.balloon = balloon_of(numbers);
+  p.stent = stent_of(numbers);
   return InstrumentModel(std::move(p), name);
 }
 

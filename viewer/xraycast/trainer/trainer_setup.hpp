@@ -30,8 +30,10 @@ struct TrainerSetup {
 /// each its radius and lumen in mm, mass in g/mm, axial stiffness in N, static and kinetic friction, the
 /// number of its sections, and of each its length in mm, bending and torsional stiffness in N mm2 and
 /// curvature per mm, two each (see InstrumentSection), and its plane in rad, the number of its markers, and
-/// of each its material (see marker_materials) and three lengths in mm (see MarkerModel); the number of
-/// instruments, and the choice of each; and the number of the bytes of the exercise, and each of them.
+/// of each its material (see marker_materials) and three lengths in mm (see MarkerModel), 1 and the numbers
+/// of its balloon or 0, and the same of its stent, in the order of BalloonModel and StentModel, with the
+/// number of a chart's lines in front of these; the number of instruments, and the choice of each; and the
+/// number of the bytes of the exercise, and each of them.
 std::vector<double> packed(const TrainerSetup& setup);
 
 /// The same without the numbers of tree and motion, with which they begin.

@@ -1,19 +1,30 @@
-#include "xraycast/scene/stent_surface.hpp"
+#include "xraycast/scene/device_tubes.hpp"
 
 #include "xraycast/mechanics/instrument_model.hpp"
+#include "xraycast/scene/device_surface.hpp"
 #include "xraycast/scene/scene.hpp"
-#include "xraycast/scene/treating_surface.hpp"
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <utility>
 #include <vector>
 
-namespace xraycast::stent_surface_test {
+namespace xraycast::device_tubes_test {
 namespace {
+
+std::vector<Surface> stent_surfaces(const StentModel& stent, const std::vector<double>& radii_mm,
+                                    const std::function<glm::dvec3(double)>& axis_mm) {
+  return device_surfaces(stent_tubes(stent, radii_mm, axis_mm));
+}
+
+std::vector<Surface> treating_surfaces(const std::vector<glm::dvec3>& nodes_mm,
+                                       const InstrumentModel& instrument, const TreatingView& view) {
+  return device_surfaces(treating_tubes(nodes_mm, instrument, view));
+}
 
 TEST(StentSurface, LiesOnItsCylinder) {
   const StentModel stent = *InstrumentModel::named("stent-6x18").stent();
@@ -119,4 +130,4 @@ TEST(SheathSurface, CarriesTheRingsThatAreNotFree) {
 }
 
 }  // namespace
-}  // namespace xraycast::stent_surface_test
+}  // namespace xraycast::device_tubes_test
