@@ -182,6 +182,18 @@ TEST(IgtlinkReceiver, ReadsAnIntervalAsTrackingDataHasIt) {
   EXPECT_EQ(std::get<StreamRequest>(events[1]).interval.count(), 0x42);
 }
 
+TEST(IgtlinkReceiver, ReadsBalloonsAndSheaths) {
+  IgtlinkReceiver receiver;
+  const auto events = receive(receiver, string_message("Balloon", "8 bar") + string_message("Balloon3", "0") +
+                                            string_message("Sheath2", "20.5mm"));
+  ASSERT_EQ(events.size(), 3u);
+  EXPECT_EQ(std::get<BalloonPressure>(events[0]).hub, 0u);
+  EXPECT_EQ(std::get<BalloonPressure>(events[0]).bar, 8);
+  EXPECT_EQ(std::get<BalloonPressure>(events[1]).hub, 2u);
+  EXPECT_EQ(std::get<SheathDrawn>(events[2]).hub, 1u);
+  EXPECT_EQ(std::get<SheathDrawn>(events[2]).mm, 20.5);
+}
+
 TEST(IgtlinkReceiver, ReadsPedalAndContrast) {
   IgtlinkReceiver receiver;
   const auto events =
@@ -279,13 +291,18 @@ const BadMessage kBadMessages[] = {
      "not a rotation"},
     {"PedalSideways", string_message("Pedal", "left"), "neither 'down' nor 'up'"},
     {"PedalWithoutText", string_message("Pedal", ""), "neither 'down' nor 'up'"},
-    {"ContrastBelowZero", string_message("Contrast", "-1"), "no rate of 0 to 50 ml/s"},
-    {"ContrastWithoutBound", string_message("Contrast", "1e9 ml/s"), "no rate of 0 to 50 ml/s"},
-    {"ContrastNan", string_message("Contrast", "nan"), "no rate of 0 to 50 ml/s"},
-    {"ContrastInLitres", string_message("Contrast", "3 l/s"), "no rate of 0 to 50 ml/s"},
+    {"ContrastBelowZero", string_message("Contrast", "-1"), "Contrast that is not 0 to 50 ml/s"},
+    {"ContrastWithoutBound", string_message("Contrast", "1e9 ml/s"), "Contrast that is not 0 to 50 ml/s"},
+    {"ContrastNan", string_message("Contrast", "nan"), "Contrast that is not 0 to 50 ml/s"},
+    {"ContrastInLitres", string_message("Contrast", "3 l/s"), "Contrast that is not 0 to 50 ml/s"},
+    {"BalloonBelowZero", string_message("Balloon2", "-1 bar"), "Balloon2 that is not 0 to 100 bar"},
+    {"BalloonInMillimetres", string_message("Balloon", "6 mm"), "Balloon that is not 0 to 100 bar"},
+    {"BalloonOfNoInstrument", string_message("Balloon4", "6"), "'Balloon4', which is none of"},
+    {"SheathWithoutNumber", string_message("Sheath", "all"), "Sheath that is not 0 to 10000 mm"},
     {"StringOfAnotherName", string_message("Greeting", "hello"),
-     "'Greeting', which is none of Pedal, Contrast and Body"},
-    {"StringOfNoName", string_message("a b", "hello"), "'', which is none of Pedal, Contrast and Body"},
+     "'Greeting', which is none of Pedal, Contrast, Balloon, Sheath and Body"},
+    {"StringOfNoName", string_message("a b", "hello"),
+     "'', which is none of Pedal, Contrast, Balloon, Sheath and Body"},
     {"StringCut",
      MessageBytes{.type = "STRING", .body = std::string("\0\3\0\5down", 8), .name = "Pedal"}.bytes(),
      "STRING of 8 bytes for 5 characters"},

@@ -241,6 +241,22 @@ TEST_F(Live, MovesTheHubAndInjects) {
   EXPECT_NEAR(intervention_->run().injected_ml(), 4 * intervention_->run().now().time_s, 0.4);
 }
 
+TEST_F(Live, FillsBalloonsAndDrawsSheaths) {
+  begin({"balloon-6x20"});
+  outlet_.commanded.insertion_mm_s = 300;
+  while (intervention_->run().now().pose.insertion_mm < 100) frames(1);
+  outlet_.commanded.insertion_mm_s = 0;
+  other_.commanded.balloons_bar[0] = 5;
+  frames(1);
+  other_.commanded.balloons_bar[0].reset();
+  while (intervention_->run().now().balloon_bar < 4.9) frames(1);
+  EXPECT_EQ(intervention_->run().inflation_bar(0), 5);
+  outlet_.commanded.balloons_bar[0] = 0;
+  outlet_.commanded.sheaths_mm[0] = 10;  // of an instrument without one
+  while (intervention_->run().now().balloon_bar > 0) frames(1);
+  EXPECT_EQ(intervention_->run().now().pose.release_mm, 0);
+}
+
 TEST_F(Live, TheCArmGoesWhereItIsSentWithinItsLimits) {
   outlet_.commanded.c_arm = CArmRequest{.lao_rad = 1, .cranial_rad = 0.3};
   frames(1);
