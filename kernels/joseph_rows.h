@@ -233,6 +233,30 @@ static inline float16 sample_any(SCAN voxels, const Rays* rays, const int k) {
 
 /* Of one pixel of an even and an odd brick, for every ray the slice that is the lower half of its `picks`,
  * and the one that is the upper half, all modulo 32; in the same halves. */
+#ifdef HALVES
+
+/* Of 8 rays, from 32 slices as pairs that begin at even slices and at odd ones. */
+static inline int8 pick_half(const int16 even_pairs, const int16 odd_pairs, const int8 slice) {
+  const int8 at = slice >> 1, is_high = (at & 8) != 0, is_odd = (slice & 1) != 0;
+  const int8 even = select(__builtin_shufflevector(even_pairs.lo, at),
+                           __builtin_shufflevector(even_pairs.hi, at), is_high),
+             odd = select(__builtin_shufflevector(odd_pairs.lo, at),
+                          __builtin_shufflevector(odd_pairs.hi, at), is_high);
+  return select(even, odd, is_odd);
+}
+
+static inline int16 pick_slices(SCAN even, SCAN odd, const int16 picks) {
+  const int16 pairs =
+                  (int16)(__builtin_astype(vload16(0, even), int8), __builtin_astype(vload16(0, odd), int8)),
+              next =
+                  __builtin_shufflevector(pairs, pairs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0);
+  const int16 odd_pairs = __builtin_astype(__builtin_astype(pairs, uint16) >> 16, int16) | next << 16,
+              slice = picks & 31;
+  return (int16)(pick_half(pairs, odd_pairs, slice.lo), pick_half(pairs, odd_pairs, slice.hi));
+}
+
+#else
+
 static inline int16 pick_slices(SCAN even, SCAN odd, const int16 picks) {
   typedef short short32 __attribute__((ext_vector_type(32)));
   typedef ushort ushort32 __attribute__((ext_vector_type(32)));
@@ -241,6 +265,8 @@ static inline int16 pick_slices(SCAN even, SCAN odd, const int16 picks) {
                               14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31);
   return __builtin_astype(__builtin_shufflevector(slices, __builtin_astype(picks, ushort32)), int16);
 }
+
+#endif
 
 /* The cells of 16 rays in a core plane k, whose HU are 65536 times too large. Where rounding puts a ray a
  * hair outside, what it picks is wrong, but weighs no more than the hair. */
