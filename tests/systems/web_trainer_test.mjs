@@ -20,6 +20,7 @@ before(async () => {
   run(...live, "--devices", "pigtail-5f", "--script", file("push.csv"), "-o", file("one.html"));
   run(...live, "--device-model", "cobra-5f", "--device-model", "guidewire-035-j", "-o", file("pair.html"));
   run(...live, "--device-model", "stent-6x18", "--dose", "cine", "-o", file("stent.html"));
+  run(...live, "--device-model", "stent-self-8x40", "-o", file("self.html"));
   writeFileSync(file("task.json"), JSON.stringify({
     title: "Up the aorta", task: "Push the Cobra up the aorta.", instruments: ["cobra-5f"], devices: ["pigtail-5f"],
     targets: [{ name: "in the iliac artery", vessel: "left common iliac artery", depth_mm: 20 }, { name: "higher up", vessel: "aorta", depth_mm: 20 }], limits: { time_s: 600, fluoroscopy_s: 600 },
@@ -256,6 +257,20 @@ browser_test("a balloon leaves its stent in the vessel", async (t) => {
   run("simulate", file("truth"), "--device-model", "stent-6x18", "--script", file("stent.csv"), "--report", file("stent.json"), "-o", file("stent-loads.csv"));
   const [again] = JSON.parse(readFileSync(file("stent.json"), "utf8")).treatments;
   assert.ok(Math.abs(again.stent_mm - treated.stent_mm) < 1e-6 && Math.abs(again.least_after_mm - treated.least_after_mm) < 1e-6, `${again.stent_mm}, ${treated.stent_mm}`);
+  await close(opened);
+});
+
+browser_test("a sheath is drawn back from all of its stent", async () => {
+  const opened = await steer("self.html"), { page } = opened;
+  await reads(page, "#live-readout", /0 of 16 rings/);
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 150);
+  await page.keyboard.up("ArrowUp");
+  await page.focus("#sheath-mm");
+  await page.keyboard.press("End");
+  await reads(page, "#live-readout", /16 of 16 rings/);
+  await page.keyboard.press("Home"); // it does not go back
+  assert.ok(await page.$eval("#sheath-mm", (slider) => Number(slider.value) > 42));
   await close(opened);
 });
 

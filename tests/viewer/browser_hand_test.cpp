@@ -192,7 +192,8 @@ TEST(BrowserHand, FillsBalloonsAndDrawsSheathsOnce) {
   EXPECT_EQ(told.sheaths_mm[0], 20);
   EXPECT_FALSE(again.balloons_bar[1] || again.sheaths_mm[0]);
   for (const char* text :
-       {R"({"balloon": 8})", R"({"balloon": {"instrument": 3, "bar": 8}})",
+       {R"({"balloon": 8})", R"({"balloon": {}})", R"({"balloon": {"instrument": 1}})",
+        R"({"balloon": {"bar": 1}})", R"({"balloon": {"instrument": 3, "bar": 8}})",
         R"({"balloon": {"instrument": 0.5, "bar": 8}})", R"({"balloon": {"instrument": 0, "bar": -1}})",
         R"({"balloon": {"instrument": 0, "bar": "8"}})", R"({"sheath": {"instrument": 0, "mm": 1e9}})"})
     EXPECT_FALSE(hand.receive(text, kStart)) << text;

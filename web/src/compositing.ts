@@ -116,7 +116,7 @@ class BodyPicture {
   }
 }
 
-const kMostMeshes = 12; // on the device: vessels, also as clusters, and the parts of three instruments, which move
+const kSpareMeshes = 12; // on the device, besides those that are drawn: of the pictures before
 
 export class Renderer {
   private readonly programs: { columns: Program; near_columns: Program; display: Program; detector: Program; surface: Program; thickness: Program };
@@ -141,6 +141,7 @@ export class Renderer {
   private readonly no_vertices: WebGLVertexArrayObject;
   private readonly clusters = new WeakMap<Surface, Surface>();
   private readonly triangles = new Map<Surface["mesh"], Triangles>();
+  private most_meshes = kSpareMeshes;
   private last_absorbed: { key: string; surfaces: readonly Surface[]; absorbed: Absorbed | null } | null = null;
   private last_covered: { key: string; absorbed: Absorbed | null } | null = null;
 
@@ -293,6 +294,7 @@ export class Renderer {
 
   private draw_passes(body: BodyPicture, view: View, surfaces: readonly Surface[], style: Style): void {
     this.gl.bindVertexArray(this.no_vertices);
+    this.most_meshes = kSpareMeshes + surfaces.length;
     if ((body === this.quick_body || body === this.quick_coarse_body) && !this.is_halved) {
       this.halved.draw();
       this.is_halved = true;
@@ -353,7 +355,7 @@ export class Renderer {
       this.triangles.set(surface.mesh, triangles);
     } else {
       const oldest = this.triangles.keys().next().value;
-      if (this.triangles.size >= kMostMeshes && oldest) this.forget_mesh(oldest);
+      if (this.triangles.size >= this.most_meshes && oldest) this.forget_mesh(oldest);
       triangles = new Triangles(this.gl);
       const { mesh, weights } = surface;
       triangles.fill(mesh.points_mm, normals_of(mesh), mesh.triangles, weights, tube_of(surface)?.from_axis_mm);

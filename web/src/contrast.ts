@@ -29,8 +29,8 @@ export class MovingDrums {
 function widen(points_mm: Float32Array, first: number, count: number, radius_mm: number): void {
   const middle = 3 * (first + count - 1), at = (axis: number) => points_mm[middle + axis]!;
   const before_mm = Math.hypot(points_mm[3 * first]! - at(0), points_mm[3 * first + 1]! - at(1), points_mm[3 * first + 2]! - at(2));
-  const factor = radius_mm / before_mm, kSame = 1e-3; // coordinates are rounded
-  if (!(radius_mm > 0) || Math.abs(radius_mm - before_mm) < kSame + 0.01) return;
+  const factor = radius_mm / before_mm, kRounded_mm = 0.02; // the mesh's coordinates are hundredths
+  if (!(radius_mm > 0) || Math.abs(radius_mm - before_mm) < kRounded_mm) return;
   for (let i = 3 * first; i < middle; ++i) points_mm[i] = at(i % 3) + factor * (points_mm[i]! - at(i % 3));
 }
 

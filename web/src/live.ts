@@ -145,6 +145,8 @@ export class LiveView {
         this.live.instruments[instrument] = trainer.choices[choice]!;
         names[instrument] = trainer.choices[choice]!.name;
         this.recording.clear();
+        this.newest = null; // which tells of the instrument before
+        this.treating?.forget();
         this.exchange!.took(instrument, choice);
         this.chart.rename(instrument, names[instrument]!);
       },
@@ -208,7 +210,7 @@ export class LiveView {
     this.is_due = true; // messages that come while a picture is drawn are passed over
     requestAnimationFrame(() => {
       this.is_due = false;
-      this.show(this.newest!);
+      if (this.newest) this.show(this.newest);
     });
   }
 
@@ -284,11 +286,12 @@ export class LiveView {
   private has_role({ steers, browsers, exercise }: Role): void {
     if (exercise) show_told(exercise);
     this.notes.state("");
+    this.treating?.forget();
     this.steering.steers = steers;
     this.show_keys(steers);
     const others = browsers > 1 ? `; ${browsers} browsers are connected` : "";
     element("live-role").textContent = (steers ? this.live.has_hub ? "You steer" : "You have pedal and injector" : "You watch; another browser steers") + others;
-    for (const button of element("live").querySelectorAll<HTMLButtonElement | HTMLSelectElement>("button, select")) button.disabled = !steers;
+    for (const button of element("live").querySelectorAll<HTMLButtonElement | HTMLSelectElement | HTMLInputElement>("button, select, #treating input")) button.disabled = !steers;
     if (steers) this.exposure?.show_settings();
     if (this.trainer) {
       this.is_new_here = true;

@@ -8,7 +8,7 @@ export interface LiveInstrument {
   torque_mNm: number;
   tip_branch: number; // of the vessel tree
   tip_along_mm: number;
-  inflation_bar: number; // of its balloon
+  inflation_bar: number; // at the hub, for its balloon
   balloon_mm: number; // its diameter; 0 without a balloon
   release_mm: number; // how far its stent's sheath is drawn back
   free_rings: number; // of that stent

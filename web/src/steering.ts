@@ -74,8 +74,10 @@ export class Steering {
     if (action) {
       if (!event.repeat) this.act(action);
     } else if (hold && (this.has_hub || !kHubs.includes(hold))) {
-      this.keys.add(hold);
-      if (!event.repeat) this.changed();
+      if (!event.repeat) {
+        this.keys.add(hold);
+        this.changed();
+      }
       if (hold === "slow") return; // Shift belongs to others too
     } else {
       return;

@@ -25,16 +25,25 @@ export class Treating {
   private readonly mm = element<HTMLInputElement>("sheath-mm");
   private hub = -1;
   private name = "";
+  private released_mm = 0;
 
   constructor(private readonly order: (order: TreatingOrder) => void) {
     this.bar.addEventListener("input", () => this.order({ balloon: { instrument: this.hub, bar: Number(this.bar.value) } }));
-    this.mm.addEventListener("input", () => this.order({ sheath: { instrument: this.hub, mm: Number(this.mm.value) } }));
+    this.mm.addEventListener("input", () => {
+      this.mm.value = String(Math.max(Number(this.mm.value), this.released_mm)); // it does not go back over the stent
+      this.order({ sheath: { instrument: this.hub, mm: Number(this.mm.value) } });
+    });
     element("fold").addEventListener("click", () => {
       this.bar.value = "0";
       this.order({ balloon: { instrument: this.hub, bar: 0 } });
     });
-    // Arrows move the slider alone while it is held, and steer again then.
-    for (const slider of [this.bar, this.mm]) slider.addEventListener("change", () => slider.blur());
+    // After a drag arrows steer again; by keys they move the slider that has the focus.
+    for (const slider of [this.bar, this.mm]) slider.addEventListener("pointerup", () => slider.blur());
+  }
+
+  /** Sliders are set anew by the next state: somebody else has steered. */
+  forget(): void {
+    this.hub = -1;
   }
 
   /** Of the instrument that is held. */
@@ -42,6 +51,7 @@ export class Treating {
     const is_other = hub !== this.hub || name !== this.name;
     this.hub = hub;
     this.name = name;
+    this.released_mm = now.release_mm;
     element("treating").hidden = balloon_bar === undefined && !sheath;
     element("balloon").hidden = balloon_bar === undefined;
     element("sheath").hidden = !sheath;

@@ -247,7 +247,7 @@ struct Registrar::Refinement {
   double first_similarity = 0;  ///< of the best one at the first level
   double next_best = 0;         ///< similarity of the second best pose, at the last level with several
 
-  double similarity() const { return candidates.empty() ? -1 : candidates[0].similarity; }
+  double similarity() const { return candidates.empty() ? -2 : candidates[0].similarity; }
 
   /// What fits by chance at the coarsest level fits worse at the next one, and still worse at the `finest`:
   /// on real X-rays of a forearm 75 to 90 % as well and then 55 to 78 %, where the bone itself fits a quarter
@@ -256,7 +256,8 @@ struct Registrar::Refinement {
   bool stands_out_by(const Refinement& finest) const {
     constexpr double kKept = 0.9, kKeptByFinest = 0.8;
     return similarity() > kKept * first_similarity && finest.similarity() > kKeptByFinest * similarity() &&
-           next_best < kMostNextBest * similarity();
+           next_best < kMostNextBest * similarity() &&
+           finest.next_best < kMostNextBest * finest.first_similarity;
   }
 
   /// Of two refinements to the same level the better one stays here. Whether it was the other.
@@ -266,6 +267,7 @@ struct Registrar::Refinement {
     all = distinct(std::move(all), kApart_mm, 2, scan);
     const bool is_other = other.similarity() > similarity();
     if (is_other) std::swap(*this, other);
+    next_best = std::max(next_best, other.next_best);
     if (all.size() > 1) next_best = std::max(next_best, all[1].similarity);
     return is_other;
   }
@@ -325,11 +327,12 @@ Registration Registrar::searched_for(Prepared& views, const RigidMotion& start, 
   constexpr int kMost = 4;
   constexpr std::int64_t kEach = 2 * (kGenerations + std::ssize(kCoarse)) + std::ssize(kFine);
   progress.begin("searching", kMost * kEach, "steps");
-  Refinement best;
+  Refinement best, finest;
   Registration found;
   for (int n = 0; n < kMost && !found.is_sure; ++n) {
     if (!search(views, start, n, best, progress)) continue;
-    const Refinement fine = refined(views, best.candidates, kFine, progress);
+    Refinement fine = refined(views, best.candidates, kFine, progress);
+    if (fine.similarity() <= finest.similarity()) continue;
     found = told(views, fine.last);
     if (found.is_sure && !best.stands_out_by(fine)) {
       found.is_sure = false;
@@ -337,6 +340,7 @@ Registration Registrar::searched_for(Prepared& views, const RigidMotion& start, 
           "another pose fits nearly as well, or this one by chance: look at the overlay, and give another "
           "view or a nearer start");
     }
+    finest = std::move(fine);
   }
   return found;
 }

@@ -70,9 +70,9 @@ class Registrar {
   Registrar(ComputeDevice& device, const Volume& scan, std::span<const std::uint8_t> mask,
             const RegisterRequest& request);
 
-  /// The pose that fits all X-rays, which show the scan at once; each has a camera. Stages "searching" and
-  /// "refining". The same request and X-rays give the same pose. Throws InputError for X-rays that cannot be
-  /// used, and that do not look at the scan, DeviceError when the device fails.
+  /// The pose that fits all X-rays, which show the scan at once; each has a camera. Stage "searching",
+  /// or without a search "refining". The same request and X-rays give the same pose. Throws InputError for
+  /// X-rays that cannot be used, and that do not look at the scan, DeviceError when the device fails.
   Registration find(std::span<const Xray> xrays, Progress& progress);
 
   /// The same for the next pictures of a film: from the last pose on, without a search unless the pictures no

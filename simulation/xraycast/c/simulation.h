@@ -155,7 +155,7 @@ xrc_status xrc_get_device(const xrc_simulation* simulation, size_t instrument, x
  * first point. */
 typedef struct xrc_treatment {
   size_t instrument;
-  int is_over; /* the balloon is folded again, or all of the stent is free */
+  int is_over; /* the balloon is folded again, all of the stent is free, or it is out */
   int branch;
   double from_mm, to_mm;
   double largest_bar;
@@ -163,7 +163,8 @@ typedef struct xrc_treatment {
   double least_before_mm, least_after_mm;
   double reference_mm; /* the vessel's, beside that length, before */
   double occluded_s;   /* for so long it filled its vessel */
-  double stent_mm;     /* the diameter of the stent that was left there; 0 without, or until it is over */
+  double stent_mm;     /* the diameter of the stent that was left there; 0 without one, and until a balloon is
+                          folded */
 } xrc_treatment;
 
 /* Writes at most `capacity` treatments, in order, and how many there are into `count`. */

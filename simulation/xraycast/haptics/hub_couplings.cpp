@@ -15,8 +15,8 @@ HubCouplings::HubCouplings(HapticDevice& device, std::vector<double> max_inserti
 
 void HubCouplings::replace(std::size_t hub, const HubPose& at, double max_insertion_mm) {
   max_insertions_mm_[hub] = max_insertion_mm;
-  inflate(hub, 0);
-  draw_sheath(hub, 0);
+  inflate(hub, at.inflation_bar);
+  draw_sheath(hub, at.release_mm);
   release(hub, at);
 }
 

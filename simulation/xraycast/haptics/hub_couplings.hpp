@@ -37,8 +37,8 @@ class HubCouplings {
   }
   double sheath_mm(std::size_t hub) const { return wants_release_mm_[hub].load(std::memory_order_relaxed); }
 
-  /// Another instrument's hub, at a pose, instead of one; the hand goes on from there. For the thread that
-  /// steps.
+  /// Another instrument's hub, at a pose, instead of one; hand, pressure and sheath go on from there. For the
+  /// thread that steps.
   void replace(std::size_t hub, const HubPose& at, double max_insertion_mm);
 
   /// A step from where the hubs are, with the instruments' loads on them. Returns the poses to move to, valid

@@ -144,6 +144,7 @@ void check_pace(const HubPose& from, const HubPose& to, double time_s, const std
   const double speed = std::abs(to.insertion_mm - from.insertion_mm) / time_s;
   const double turning = std::abs(to.rotation_rad - from.rotation_rad) / time_s;
   constexpr double kRounding = 1 + 1e-9;
+  constexpr double kSaved = 1 + 1e-3;  // of live runs at that very pace, whose rows are rounded when saved
   const double inflating = std::abs(to.inflation_bar - from.inflation_bar) / time_s;
   const double releasing = (to.release_mm - from.release_mm) / time_s;
   const double least_s = rounded_up(
@@ -158,12 +159,12 @@ void check_pace(const HubPose& from, const HubPose& to, double time_s, const std
     throw InputError(
         "{}: {} would turn at {} deg/s; the maximum is {:.0f} deg/s: give this motion at least {} s", where,
         hub, plain(turning / kRadians), MovingHub::kMaxSpeed_rad_s / kRadians, plain(least_s));
-  if (inflating > MovingHub::kMaxInflation_bar_s * kRounding)
+  if (inflating > MovingHub::kMaxInflation_bar_s * kSaved)
     throw InputError(
         "{}: the pressure at {} would change by {} bar/s; the maximum is {} bar/s: give this change at least "
         "{} s",
         where, hub, plain(inflating), MovingHub::kMaxInflation_bar_s, plain(least_s));
-  if (releasing > MovingHub::kMaxRelease_mm_s * kRounding)
+  if (releasing > MovingHub::kMaxRelease_mm_s * kSaved)
     throw InputError(
         "{}: the sheath at {} would be drawn back at {} mm/s; the maximum is {} mm/s: give this motion at "
         "least "

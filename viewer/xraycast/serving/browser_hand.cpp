@@ -49,8 +49,10 @@ class HandMessage {
     const auto field = find(name);
     if (field == json_.end()) return orders;
     HandMessage order(*field);
-    const double hub = order.number("instrument", 0, kMaxHubs - 1, 0), value = order.number(unit, 0, most, 0);
-    if (!order.is_good() || hub != std::floor(hub))
+    const double missing = std::nan("");
+    const double hub = order.number("instrument", 0, kMaxHubs - 1, missing),
+                 value = order.number(unit, 0, most, missing);
+    if (!order.is_good() || std::isnan(value) || hub != std::floor(hub))
       is_good_ = false;
     else
       orders[static_cast<std::size_t>(hub)] = value;

@@ -3,6 +3,7 @@
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/serving/live_outlet.hpp"
 
+#include <array>
 #include <memory>
 
 namespace xraycast {

@@ -163,9 +163,7 @@ void Intervention::update(const CArmPose& pose, double passed_s) {
   if (blur_.is_on())
     surfaces_ = seen_by_pulse(surfaces_at(-blur_.from_middle_s()), std::move(surfaces_),
                               surfaces_at(blur_.from_middle_s()), blur_.pixel_mm);
-  devices_ = run_->devices();
   drums_mg_ml_ = run_->drums_mg_ml();
-  drums_mm_ = run_->drums_mm();
   drums_moved_mm_ = run_->drums_moved_mm();
   phases_ = run_->now().phases;
   ++exposures_;

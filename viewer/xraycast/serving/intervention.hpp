@@ -104,13 +104,8 @@ class Intervention {
   std::span<const Surface> surfaces() const { return surfaces_; }
   long exposures() const { return exposures_; }
 
-  /// Balloons and stents in that picture (see SimulatedRun::devices).
-  const std::vector<DeviceTube>& devices() const { return devices_; }
-
   /// Iodine in that picture, in the drums of the tree's ContrastSurface.
   const std::vector<float>& drums_mg_ml() const { return drums_mg_ml_; }
-  /// The radii of their ends.
-  const std::vector<glm::vec2>& drums_mm() const { return drums_mm_; }
   /// How far the body has moved them, mm; none where it is still.
   const std::vector<glm::vec3>& drums_moved_mm() const { return drums_moved_mm_; }
 
@@ -150,9 +145,7 @@ class Intervention {
   std::vector<std::vector<glm::dvec3>> nodes_mm_;  ///< of each instrument
   std::shared_ptr<const std::vector<InstrumentModel>> exposed_;
   std::vector<Surface> surfaces_;
-  std::vector<DeviceTube> devices_;
   std::vector<float> drums_mg_ml_;
-  std::vector<glm::vec2> drums_mm_;
   std::vector<glm::vec3> drums_moved_mm_;
   std::vector<double> phases_;
   PulseBlur blur_;

@@ -97,7 +97,8 @@ void WebOutlet::take_body(LiveBody& body) {
   if (!message_.exposures_s.empty()) marked_s_ = message_.exposures_s.back();
 }
 
-/// The picture is held until the next exposure, so that shapes are packed for each exposure alone.
+/// The picture is held until the next exposure, so that shapes are packed for each exposure alone, in the
+/// frame that made it.
 void WebOutlet::take_exposure(const Intervention& intervention) {
   message_.exposures = static_cast<std::uint32_t>(intervention.exposures());
   const SteeredInstruments steered = intervention.steered();
@@ -108,9 +109,9 @@ void WebOutlet::take_exposure(const Intervention& intervention) {
     for (const std::vector<glm::dvec3>& length_mm : lengths_of(instrument.nodes_mm, instrument.markers))
       parts_mm.push_back(controls_of(length_mm));
   }
-  message_.devices = intervention.devices();
+  message_.devices = intervention.run().devices();
   message_.drums_mg_ml = intervention.drums_mg_ml();
-  message_.drums_mm = intervention.drums_mm();
+  message_.drums_mm = intervention.run().drums_mm();
   message_.drums_moved_mm = intervention.drums_moved_mm();
   message_.modes.resize(intervention.phases().size());
   for (std::size_t m = 0; m < message_.modes.size(); ++m) message_.modes[m].phase = intervention.phases()[m];
