@@ -350,7 +350,7 @@ class Serve(unittest.TestCase):
         client.stop()
         time.sleep(1.5)  # the log counts lines of a kind for a second
         server.end()
-        for text in ("neither 'down' nor 'up'", "none of Pedal, Contrast and Body", "beyond 60000 ms", "not a rotation",
+        for text in ("neither 'down' nor 'up'", "none of Pedal, Contrast, Balloon, Sheath and Body", "beyond 60000 ms", "not a rotation",
                      "the message framing is lost"):
             self.assertIn(text, server.said)
 
