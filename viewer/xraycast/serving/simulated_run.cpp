@@ -107,8 +107,10 @@ void SimulatedRun::take_vessels() {
   stents_.clear();
   for (const PlacedStent& stent : treated_->stents)
     for (DeviceTube& tube : stent_tubes(stent, *tree_)) stents_.push_back(std::move(tube));
-  stent_surfaces_ = device_surfaces(stents_);
-  if (!motion_) return;
+  if (!motion_) {
+    stent_surfaces_ = device_surfaces(stents_);
+    return;
+  }
   Progress progress;
   moving_.contrast =
       std::make_shared<const MovingPoints>(contrast_.whole().mesh.points_mm, *motion_, progress);
