@@ -1,6 +1,7 @@
 #include "xraycast/requests/body_fit.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
@@ -101,6 +102,44 @@ TEST(BodyFit, IsPositiveWhereTheAxisLiesOutsideOfTheBody) {
       fit_to_body(cylinder_map(volume.geometry(), 360, {0, 50, 250}, glm::dvec2(140, 0)), finder);
   EXPECT_GT(std::ranges::min(map.outline_mm), 0);
   EXPECT_LE(map.radius_mm(), 250);
+}
+
+/// A head above shoulders.
+bool in_bust(const glm::dvec3& p) {
+  return p.z > 50 ? std::hypot(p.x, p.y + 10) < 50 : std::hypot(p.x / 130, (p.y + 10) / 80) < 1;
+}
+
+TEST(BodyFit, HasAnOutlineOfItsOwnForBandsOfRowsThatDiffer) {
+  const Volume volume = make(in_bust);
+  const OutlineFinder finder = seen(volume);
+  const MapGeometry map =
+      fit_to_body(cylinder_map(volume.geometry(), 360, {0, 145}, finder.finish().centre_mm), finder);
+  const std::vector<OutlineBand> bands = outline_bands(map);
+  ASSERT_GE(bands.size(), 2u);
+  ASSERT_LE(bands.size(), static_cast<std::size_t>(kMostOutlineBands));
+  const VolumeGeometry& g = volume.geometry();
+  double least_mm = 1e9, widest_of_head_mm = 0;
+  for (std::int64_t z = 0; z < g.size.z; ++z)
+    for (std::int64_t y = 0; y < g.size.y; ++y)
+      for (std::int64_t x = 0; x < g.size.x; ++x)
+        if (volume.at(x, y, z) == 0) {
+          const glm::dvec2 from = glm::dvec2(g.to_world_mm({x, y, z})) - map.centre_mm[0];
+          const double column = std::atan2(from.x, -from.y) / (2 * std::numbers::pi) * map.width - 0.5,
+                       r = glm::length(from),
+                       shell = map.shell_radius_mm(r, column, static_cast<double>(g.size.z - 1 - z));
+          least_mm = std::min(least_mm, r * (map.radius_mm() / shell - 1));
+        }
+  EXPECT_GE(least_mm, 1);
+  for (int column = 0; column < map.width; ++column)
+    widest_of_head_mm = std::max(widest_of_head_mm, map.radius_mm() * map.scale(column, 0));
+  // The head's 50 mm, the axis off its middle by what the shoulders' centroid moves it, margin and voxel.
+  EXPECT_LE(widest_of_head_mm, 50 + glm::length(map.centre_mm[0] - glm::dvec2(0, -10)) + 7);
+}
+
+TEST(BodyFit, OfABodyThatIsAsWideEverywhereHasOneOutline) {
+  const Volume volume = make([](const glm::dvec3& p) { return std::hypot(p.x / 130, (p.y + 10) / 80) < 1; });
+  const OutlineFinder finder = seen(volume);
+  EXPECT_TRUE(fit_to_body(circles(volume, finder), finder).has_plane_outline());
 }
 
 TEST(BodyFit, OfASphereEnclosesTheBodyInEveryDirection) {

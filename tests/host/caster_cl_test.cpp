@@ -199,6 +199,45 @@ TEST(OutlinedCast, LayersAddUpToOneAndRowsOfTheirOwnAreCastAlike) {
   EXPECT_LE(largest_difference(cast_map(volume, of_rows), layers), kFloat * largest(layers));
 }
 
+/// Two outlines, the second from a row on.
+MapGeometry banded(const MapGeometry& circles, const std::vector<float>& upper_mm,
+                   const std::vector<float>& lower_mm, int first_lower_row) {
+  std::vector<float> rows_mm;
+  for (int row = 0; row < circles.height; ++row) {
+    const std::vector<float>& outline_mm = row < first_lower_row ? upper_mm : lower_mm;
+    rows_mm.insert(rows_mm.end(), outline_mm.begin(), outline_mm.end());
+  }
+  return with_outline(circles, std::move(rows_mm));
+}
+
+TEST(OutlinedCast, EveryBandOfRowsIsCastAsIfItsOutlineWereTheOnlyOne) {
+  const Volume volume = textured_volume({60, 50, 53}, {1, 1, 2});
+  const MapGeometry circles =
+      cylinder_map(volume.geometry(), 90, shell_radii_mm(RadiiRule::near_skin, 7, 28), {1, -2});
+  std::vector<float> wide_mm, narrow_mm;
+  for (int i = 0; i < 90; ++i) {
+    wide_mm.push_back(i == 0 ? 28 : static_cast<float>(23 + 5 * std::sin(0.2 * i)));
+    narrow_mm.push_back(static_cast<float>(15 + 3 * std::cos(0.3 * i)));
+  }
+  // The narrow one's rays as long as the wide one's, in whose units the radii are.
+  std::vector<float> narrow_to_wide_mm = narrow_mm;
+  narrow_to_wide_mm[0] = 28;
+  const auto wide = cast_map(volume, with_outline(circles, wide_mm)),
+             narrow = cast_map(volume, with_outline(circles, narrow_to_wide_mm));
+  // Between two bricks of sixteen slices, counted from below, and within one.
+  for (const int border : {53 - 32, 53 - 37}) {
+    const auto both = cast_map(volume, banded(circles, narrow_mm, wide_mm, border));
+    double largest_error = 0;
+    for (std::size_t i = 0; i < both.size(); ++i) {
+      const int row = static_cast<int>(i / 90 % 53), column = static_cast<int>(i % 90);
+      if (row < border && column == 0) continue;  // of the direction that was made as long
+      largest_error = std::max<double>(largest_error, std::abs(both[i] - (row < border ? narrow : wide)[i]));
+    }
+    // Within a brick one slice at a time is cast, which adds the same up in another order.
+    EXPECT_LE(largest_error, kFloat * largest(wide)) << border;
+  }
+}
+
 TEST(CylinderCast, OffAxisCylindersMatchTheirClosedForm) {
   const glm::dvec2 axis_mm(3, -4), circle_mm(20, 12);
   // The edge falls over one voxel, so that voxels hold what is in them.

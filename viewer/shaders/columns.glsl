@@ -1,7 +1,8 @@
 // The map along the rays of a rectified view's columns (column_samples.hpp). Variants: BLENDS_LAYERS where samples
-// lie between two layers, PATH where they stand for a length, BYTES where texels are bytes.
+// lie between two layers, PATH where they stand for a length, BYTES where texels are bytes, BANDS where rows of the
+// map have several outlines, and the columns samples of their own for each band of rows.
 uniform samplerBuffer map_texels;    // four rows per texel (map_texels.hpp)
-uniform samplerBuffer column_table;  // ColumnSamples::Column
+uniform samplerBuffer column_table;  // ColumnSamples::Column, of one band behind those of the other
 uniform samplerBuffer sample_table;  // ColumnSample, two texels each
 #ifdef BYTES
 uniform samplerBuffer byte_ranges;   // offset and scale of a layer and of the next one
@@ -14,6 +15,59 @@ uniform float first_row, row_step;
 uniform float slope;       // of a parallel beam: map rows per mm of s
 uniform float source_row;  // of a cone
 uniform float row_mm;
+
+#ifdef BANDS
+uniform samplerBuffer band_table;  // the first and the last row of each band
+uniform int bands, columns;        // their numbers
+vec2 band_rows;                    // of the band whose samples are taken
+bool leaves_band;                  // see meets_band
+#else
+const int bands = 1;
+#endif
+
+// A column's samples in a band.
+vec4 column_in(int band, int column) {
+#ifdef BANDS
+  band_rows = texelFetch(band_table, band).xy;
+  return texelFetch(column_table, band * columns + column);
+#else
+  return texelFetch(column_table, column);
+#endif
+}
+
+// Whether these ascending rows of the map meet the band, between them what is interpolated; and whether some are not its
+// own.
+bool meets_band(float upper, float lower) {
+#ifdef BANDS
+  leaves_band = upper < band_rows.x || lower > band_rows.y;
+  return lower > band_rows.x - 1.0 && upper < band_rows.y + 1.0;
+#else
+  return true;
+#endif
+}
+
+// The same of a column's rays, which cross the rectified plane in these ascending rows.
+bool rays_meet_band(vec4 column, vec4 row, vec4 slopes) {
+#ifdef BANDS
+  if (column.y == 0.0) return false;
+  float from_mm = texelFetch(sample_table, 2 * int(column.x) + 1).x;
+  float to_mm = texelFetch(sample_table, 2 * int(column.x + column.y) - 1).x;
+  vec4 at_from = row + slopes * from_mm, at_to = row + slopes * to_mm;
+  return meets_band(min(at_from.x, at_to.x), max(at_from.w, at_to.w));
+#else
+  return true;
+#endif
+}
+
+// Of the four rows of a quad, 1 for those of the band and 0 for others.
+vec4 share_of_band(int quad) {
+#ifdef BANDS
+  vec4 row = float(4 * quad) + vec4(0.0, 1.0, 2.0, 3.0);
+  return step(band_rows.x, row) * step(row, vec4(band_rows.y));
+#else
+  return vec4(1.0);
+#endif
+}
 
 // What the bytes of a sample's layers stand for.
 vec4 range_of(int sample_index) {
@@ -62,5 +116,11 @@ vec4 rows_of(vec4 sample_, vec4 range, vec4 row) {
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
   int quad = int(within.x) / 4;
   vec4 upper = quad_of(sample_, range, quad), lower = quad_of(sample_, range, min(quad + 1, quads - 1));
+#ifdef BANDS
+  if (leaves_band) {
+    upper *= share_of_band(quad);
+    lower *= share_of_band(quad + 1);
+  }
+#endif
   return rows_of_quads(upper, lower, quad, row, within, map_rows);
 }

@@ -47,6 +47,12 @@ export const kQuick: Detail = { pixels_per_column: 2, texels_per_step: 12 };
 const kSampled = { map_texels: 0, column_table: 1, sample_table: 2 }; // texture units
 
 /** The body in a view: kept until map, view or style change. */
+/** The first and the last row of each band, beyond the map's ends where there is no other. */
+function rows_of_bands({ bands }: MapGeometry): number[] {
+  const kBeyond = 1e9;
+  return bands.flatMap((first, i) => [i === 0 ? -kBeyond : first, i + 1 < bands.length ? bands[i + 1]! - 1 : kBeyond]);
+}
+
 class BodyPicture {
   private readonly map: MapGeometry;
   private readonly target: Target;
@@ -77,7 +83,7 @@ class BodyPicture {
       ...kSampled, quads: Math.ceil(map.height / 4), map_rows: map.height, blends_layers: map.layers > 1,
       first_row: (map.top_mm - r.top_mm) / map.row_mm, row_step: r.row_mm / map.row_mm, slope: -r.slope / map.row_mm,
       source_row: (map.top_mm - r.source_z_mm) / map.row_mm, row_mm: map.row_mm, from_pixel: r.from_pixel,
-      last_column: r.columns - 1,
+      last_column: r.columns - 1, columns: r.columns, bands: map.bands.length, rows_of_bands: rows_of_bands(map),
     };
   }
 

@@ -20,6 +20,7 @@ interface MapHeader {
   row_mm: number;
   field_mm: [Vec3, Vec3] | null;
   has_outline: boolean;
+  bands: number[]; // the first row of each band of rows that share an outline
   bounds: Bounds;
   precision: "byte" | "half";
   ranges: [number, number][]; // of bytes: a layer's offset and scale
@@ -154,8 +155,8 @@ export interface Header {
 }
 
 export interface MapGeometry extends MapHeader {
-  reaches_mm: Float32Array; // of every column: where its rays end, as radii_mm have it
-  scales: Float32Array; // of every column: its outline's share of the largest radius
+  reaches_mm: Float32Array; // of every column of each band: where its rays end, as radii_mm have it
+  scales: Float32Array; // of every column of each band: its outline's share of the largest radius
 }
 
 /** The key maps' own rows: K x count x W bytes of each. */

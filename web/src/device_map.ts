@@ -46,7 +46,8 @@ export class DeviceMap {
 export class HalvedMap extends DeviceMap {
   constructor(private readonly drawing: MapDrawing, private readonly whole: DeviceMap) {
     const { map } = whole;
-    super(drawing.gl, { ...map, height: Math.ceil(map.height / 2), row_mm: 2 * map.row_mm, top_mm: map.top_mm - 0.5 * map.row_mm });
+    const bands = map.bands.map((first) => Math.round(first / 2)); // a row of two bands shows one of them
+    super(drawing.gl, { ...map, bands, height: Math.ceil(map.height / 2), row_mm: 2 * map.row_mm, top_mm: map.top_mm - 0.5 * map.row_mm });
   }
 
   /** After the whole map has changed. */
@@ -81,8 +82,9 @@ export class MovingMap extends DeviceMap {
 
   /** Takes the next key map, which takes a while. */
   add_key(): void {
-    const k = this.keys.length, { count } = this.data.rows[k]!, bytes = this.data.bytes[k]!;
-    const part = { ...this.map, height: count }, { layers, columns, quads } = texel_sizes(part), area = this.map.width * count;
+    const k = this.keys.length, { first, count } = this.data.rows[k]!, bytes = this.data.bytes[k]!;
+    const bands = this.map.bands.map((row) => row - first); // as the key map counts its rows
+    const part = { ...this.map, bands, height: count }, { layers, columns, quads } = texel_sizes(part), area = this.map.width * count;
     const texture = new Texture(this.gl, this.gl.RGBA8, this.gl.TEXTURE_2D_ARRAY);
     this.keys.push(texture);
     if (count === 0) return;

@@ -22,7 +22,7 @@ export class Program {
     const count = gl.getProgramParameter(this.program, gl.ACTIVE_UNIFORMS) ?? 0;
     for (let i = 0; i < count; ++i) {
       const { name, type } = gl.getActiveUniform(this.program, i)!;
-      this.places.set(name, { place: gl.getUniformLocation(this.program, name)!, type });
+      this.places.set(name.replace("[0]", ""), { place: gl.getUniformLocation(this.program, name)!, type });
     }
   }
 

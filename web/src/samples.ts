@@ -11,7 +11,10 @@ const kLayer = 2048; // of a sample's place, which is a column of the map and a 
 
 /** As the shaders read them, four numbers to a texel. */
 export interface ColumnSamples {
-  /** Of each column: its first sample, their number, and 1 / the distance of a cone's source, or 0. */
+  /**
+   * Of each column, those of one band of the map's rows behind those of the other: its first sample, their number, and
+   * 1 / the distance of a cone's source, or 0.
+   */
   columns: Float32Array;
   /** Two texels each: place, weight, fraction of the next column and of the next layer; s, from, to. */
   samples: Float32Array;
@@ -29,7 +32,7 @@ interface Line {
 
 export class Sampler {
   private readonly profile: RadialProfile;
-  private readonly scales: Float64Array | null;
+  private readonly bands: (Float64Array | null)[]; // their scales, of every column and the first again; none: circles
   private samples = new Float32Array(1 << 16);
   private count = 0;
   private texels_per_step = 3;
@@ -37,7 +40,10 @@ export class Sampler {
 
   constructor(private readonly map: MapGeometry) {
     this.profile = new RadialProfile(drawn_radii_mm(map));
-    this.scales = map.has_outline ? Float64Array.from([...map.scales, map.scales[0]!]) : null;
+    this.bands = map.bands.map((_, band) => {
+      const scales = map.scales.subarray(band * map.width, (band + 1) * map.width);
+      return map.has_outline ? Float64Array.from([...scales, scales[0]!]) : null;
+    });
   }
 
   /** One per layer of the map, 0 hides it; none: 1 everywhere. */
@@ -49,14 +55,16 @@ export class Sampler {
   /** A two-point quadrature spans so many texel columns at most. */
   samples_of(rectified: Rectified, texels_per_step: number): ColumnSamples {
     this.texels_per_step = texels_per_step;
-    const columns = new Float32Array(4 * rectified.columns);
+    const columns = new Float32Array(4 * rectified.columns * this.bands.length);
     this.count = 0;
-    for (let i = 0; i < rectified.columns; ++i) {
-      const first = this.count, x_mm = rectified.left_mm + i * rectified.column_mm;
-      this.sample(this.line_of(rectified, x_mm));
-      const run_mm = Math.hypot(rectified.source_mm, x_mm);
-      columns.set([first, this.count - first, rectified.source_mm > 0 ? 1 / run_mm : 0], 4 * i);
-    }
+    this.bands.forEach((scales, band) => {
+      for (let i = 0; i < rectified.columns; ++i) {
+        const first = this.count, x_mm = rectified.left_mm + i * rectified.column_mm;
+        this.sample(this.line_of(rectified, x_mm), scales);
+        const run_mm = Math.hypot(rectified.source_mm, x_mm);
+        columns.set([first, this.count - first, rectified.source_mm > 0 ? 1 / run_mm : 0], 4 * (band * rectified.columns + i));
+      }
+    });
     return { columns, samples: this.samples.subarray(0, 8 * this.count) };
   }
 
@@ -73,9 +81,9 @@ export class Sampler {
     return { x, y, dx, dy, offset: Math.hypot(x, y), foot_s };
   }
 
-  private sample(line: Line): void {
+  private sample(line: Line, scales: Float64Array | null): void {
     const [low, high] = this.within_field(line), knots = this.profile.knots_mm;
-    if (!this.scales) {
+    if (!scales) {
       const radius = (along: number) => Math.hypot(along, line.offset);
       const half = (r: number) => (r > line.offset ? Math.sqrt((r - line.offset) * (r + line.offset)) : 0);
       const halves = knots.map(half);
@@ -85,7 +93,7 @@ export class Sampler {
         if (halves[k + 1]! > halves[k]!) this.sample_piece(line, halves[k]!, halves[k + 1]!, low, high, radius);
       return;
     }
-    const across = new OutlinedLine(this.scales, line.x, line.y, line.dx, line.dy);
+    const across = new OutlinedLine(scales, line.x, line.y, line.dx, line.dy);
     const radius = (along: number) => across.shell_radius_mm(along);
     const crossings = across.crossings_mm(knots);
     for (let i = 0; i + 1 < crossings.length; ++i) {

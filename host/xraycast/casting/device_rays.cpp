@@ -1,9 +1,11 @@
 #include "xraycast/casting/device_rays.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
@@ -110,7 +112,12 @@ XrcSphere DeviceRays::sphere() const {
 }
 
 bool DeviceRays::has_rows_alike() const {
-  return geometry_.centre_mm.size() == 1 && geometry_.has_plane_outline();
+  // Bands of rows that share an outline may end between the slices of two items, which are counted from
+  // below.
+  return geometry_.centre_mm.size() == 1 &&
+         std::ranges::all_of(outline_bands(geometry_), [&](const auto& band) {
+           return (geometry_.height - band.first_row) % scan_.slices_per_item() == 0 || band.first_row == 0;
+         });
 }
 
 int DeviceRays::slices_per_item() const { return has_rows_alike() ? scan_.slices_per_item() : 1; }

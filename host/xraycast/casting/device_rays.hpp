@@ -25,7 +25,7 @@ class DeviceRays {
   const cl::Buffer& shells() const { return shells_; }
 
   /// Build options of the kernels for these rays, and the number of a cylinder's slices per work-item: one
-  /// where every slice has a centre or an outline of its own.
+  /// where the slices of an item have centres or outlines of their own.
   std::string build_options() const;
   int slices_per_item() const;
 

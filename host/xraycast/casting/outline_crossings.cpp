@@ -3,7 +3,6 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 #include <numbers>
 
@@ -16,9 +15,8 @@ constexpr double kStep_rad = kWholeTurn * 3 / 360;
 
 }  // namespace
 
-OutlineCrossings::OutlineCrossings(const MapGeometry& geometry) : width_(geometry.width) {
-  assert(geometry.has_plane_outline());
-  for (int column = 0; column <= width_; ++column) scale_.push_back(geometry.scale(column % width_, 0));
+OutlineCrossings::OutlineCrossings(const MapGeometry& geometry, int row) : width_(geometry.width) {
+  for (int column = 0; column <= width_; ++column) scale_.push_back(geometry.scale(column % width_, row));
 }
 
 double OutlineCrossings::scale_at(double column) const {
@@ -40,8 +38,7 @@ OutlineCrossings::Line::Line(const OutlineCrossings& outline, const glm::dvec2& 
   columns_per_rad_ = glm::dot(direction, glm::dvec2(-normal.y, normal.x)) > 0 ? per_rad : -per_rad;
 }
 
-double OutlineCrossings::Line::shell_radius_mm(double along_mm) const {
-  const double column = foot_column_ + columns_per_rad_ * std::atan2(along_mm, offset_mm_);
+double OutlineCrossings::Line::shell_radius_mm(double along_mm, double column) const {
   return std::sqrt(along_mm * along_mm + offset_mm_ * offset_mm_) / outline_->scale_at(column);
 }
 
@@ -56,6 +53,10 @@ std::vector<OutlineCrossings::Crossing> OutlineCrossings::crossings(const Line& 
   const int steps = static_cast<int>(std::ceil(std::atan2(half_mm, offset) / kStep_rad));
   const auto node_mm = [&](int i) {
     return std::abs(i) == steps ? std::copysign(half_mm, i) : offset * std::tan(i * kStep_rad);
+  };
+  const auto at_node = [&](int i, double along_mm) {
+    return std::abs(i) == steps ? line.shell_radius_mm(along_mm)
+                                : line.shell_radius_mm(along_mm, line.column_at(i * kStep_rad));
   };
 
   /// The place between two others whose radius is wanted; rho is nearly linear there.
@@ -72,9 +73,9 @@ std::vector<OutlineCrossings::Crossing> OutlineCrossings::crossings(const Line& 
     return a + (b - a) * std::clamp((radius_mm - at_a) / (at_b - at_a), 0.0, 1.0);
   };
 
-  double from = node_mm(-steps), at_from = line.shell_radius_mm(from);
+  double from = node_mm(-steps), at_from = at_node(-steps, from);
   for (int i = 1 - steps; i <= steps; ++i) {
-    const double to = node_mm(i), at_to = line.shell_radius_mm(to);
+    const double to = node_mm(i), at_to = at_node(i, to);
     const auto [low, high] = std::minmax(at_from, at_to);
     const auto first = std::ranges::upper_bound(radii_mm, low) - radii_mm.begin(),
                last = std::ranges::upper_bound(radii_mm, high) - radii_mm.begin();

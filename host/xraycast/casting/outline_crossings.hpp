@@ -2,27 +2,32 @@
 
 #include "xraycast/casting/map_geometry.hpp"
 
+#include <cmath>
 #include <span>
 #include <vector>
 
 namespace xraycast {
 
-/// The outline of a cylinder map that is the same in all rows, seen along the axis: how a straight line
-/// crosses its shells.
+/// The outline of a row of a cylinder map, seen along the axis: how a straight line crosses its shells.
 class OutlineCrossings {
  public:
-  /// Of a map with a plane outline (MapGeometry::has_plane_outline).
-  explicit OutlineCrossings(const MapGeometry& geometry);
+  explicit OutlineCrossings(const MapGeometry& geometry, int row = 0);
 
   /// A line that is nearest to the axis at `foot_mm`, given from there, and runs along a unit vector.
   class Line {
    public:
     Line(const OutlineCrossings& outline, const glm::dvec2& foot_mm, const glm::dvec2& direction);
 
-    /// The radius, as MapGeometry::radii_mm have it, of a place on the line.
-    double shell_radius_mm(double along_mm) const;
+    /// The map's column, which may be beyond its first or last one by whole turns, of a place on the line.
+    double column(double along_mm) const { return column_at(std::atan2(along_mm, offset_mm_)); }
+
+    /// The radius, as MapGeometry::radii_mm have it, of a place on the line, which is in this column.
+    double shell_radius_mm(double along_mm, double column) const;
+    double shell_radius_mm(double along_mm) const { return shell_radius_mm(along_mm, column(along_mm)); }
 
    private:
+    double column_at(double turned_rad) const { return foot_column_ + columns_per_rad_ * turned_rad; }
+
     const OutlineCrossings* outline_;
     double offset_mm_, foot_column_, columns_per_rad_;
     friend class OutlineCrossings;

@@ -28,6 +28,7 @@ constexpr double kBodyNoise_hu = 10;
 const Kind kKinds[] = {
     {"thorax", {512, 512, 720}, {0.78, 0.78, 1.0}, kBodyNoise_hu, make_thorax},
     {"head", {320, 384, 416}, {0.6, 0.6, 0.6}, kBodyNoise_hu, make_head},
+    {"head-neck", {416, 256, 300}, {1.2, 1.2, 1.5}, kBodyNoise_hu, make_head_neck, {0, 0, -100}},
     {"abdomen", {512, 512, 160}, {0.75, 0.75, 1.5}, 15, make_abdomen, {0, 0, -40}},
     {"cylinder", {128, 128, 128}, {2, 2, 2}, 0, [](const PhantomOptions&) { return make_cylinder(); }},
     {"sphere", {128, 128, 128}, {2, 2, 2}, 0, [](const PhantomOptions&) { return make_sphere(); }},

@@ -23,6 +23,7 @@ PhantomBody make_shepp_logan();
 
 PhantomBody make_thorax(const PhantomOptions& options);
 PhantomBody make_head(const PhantomOptions& options);
+PhantomBody make_head_neck(const PhantomOptions& options);
 PhantomBody make_abdomen(const PhantomOptions& options);
 
 }  // namespace xraycast

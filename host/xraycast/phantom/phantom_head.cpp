@@ -1,6 +1,7 @@
 #include "xraycast/motion/monotone_profile.hpp"
 #include "xraycast/phantom/phantom_bodies.hpp"
 #include "xraycast/phantom/phantom_modes.hpp"
+#include "xraycast/phantom/phantom_shoulders.hpp"
 #include "xraycast/phantom/phantom_tissue.hpp"
 #include "xraycast/phantom/phantom_vessels.hpp"
 
@@ -48,8 +49,9 @@ Loft face() {
           2.3};
 }
 
-void soft_tissue(PhantomScene& scene) {
+void soft_tissue(PhantomScene& scene, bool has_shoulders) {
   const auto outline = [&](double deeper_mm) {
+    if (has_shoulders) shoulder_outline(scene, deeper_mm);
     cranium_layer(scene, deeper_mm - 7);
     scene.loft(neck().inset(deeper_mm, deeper_mm));
     scene.loft(face().inset(deeper_mm, deeper_mm));
@@ -384,10 +386,13 @@ PhantomMode turn_mode() {
   return mode;
 }
 
-PhantomBody make_head(const PhantomOptions& options) {
+namespace {
+
+PhantomBody make_body(const PhantomOptions& options, bool has_shoulders) {
   PhantomScene scene(kAir_hu);
   if (options.table) head_rest(scene);
-  soft_tissue(scene);
+  soft_tissue(scene, has_shoulders);
+  if (has_shoulders) paint_shoulders(scene);
   cranium(scene);
   brain(scene);
   ventricles(scene);
@@ -412,5 +417,11 @@ PhantomBody make_head(const PhantomOptions& options) {
   for (const VesselBranch& artery : arteries) scene.tube(artery.points);
   return {std::move(scene), std::move(arteries), {}, {turn_mode()}};
 }
+
+}  // namespace
+
+PhantomBody make_head(const PhantomOptions& options) { return make_body(options, false); }
+
+PhantomBody make_head_neck(const PhantomOptions& options) { return make_body(options, true); }
 
 }  // namespace xraycast

@@ -1,10 +1,14 @@
 #include "xraycast/requests/body_fit.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/casting/outline_bands.hpp"
+#include "xraycast/kernels/params.h"
+#include "xraycast/requests/band_partition.hpp"
 
 #include <glm/geometric.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -42,7 +46,6 @@ class Extents {
   /// below what it was. `across` and `down` are in columns, for a row, and in rows.
   template <typename Across>
   void smooth(const Across& across, int down) {
-    are_all_around_ = std::ranges::min(mm_) > 0;
     for (const bool averages : {false, true}) {
       filter_columns(averages, down);
       for (int j = 0; j < rows_; ++j) filter_row(averages, across(j), j);
@@ -53,10 +56,22 @@ class Extents {
     for (float& mm : mm_) mm = std::clamp(mm, static_cast<float>(least_mm), static_cast<float>(most_mm));
   }
 
+  /// These runs of rows, each as far as the farthest of its rows.
+  Extents merged(std::span<const int> first_rows) const {
+    Extents runs(columns_, static_cast<int>(first_rows.size()));
+    runs.nearest_mm_ = nearest_mm_;
+    for (int j = 0, run = 0; j < rows_; ++j) {
+      if (run + 1 < runs.rows_ && j == first_rows[run + 1]) ++run;
+      for (int i = 0; i < columns_; ++i)
+        runs.at(i, run) = std::max(runs.at(i, run), mm_[static_cast<std::size_t>(j) * columns_ + i]);
+    }
+    return runs;
+  }
+
   float largest() const { return std::ranges::max(mm_); }
   float nearest_mm() const { return nearest_mm_; }
-  bool are_all_around() const { return are_all_around_; }
-  std::vector<float> mm() && { return std::move(mm_); }
+  bool are_all_around() const { return std::ranges::min(mm_) > 0; }
+  const std::vector<float>& mm() const { return mm_; }
 
  private:
   float& at(int column, int row) {
@@ -101,7 +116,6 @@ class Extents {
 
   int columns_, rows_;
   float nearest_mm_ = std::numeric_limits<float>::infinity();
-  bool are_all_around_ = false;
   std::vector<float> mm_;
 };
 
@@ -112,30 +126,94 @@ double turn_of(const glm::dvec2& p) {
   return turn < 0 ? turn + 1 : turn;
 }
 
-/// About the axis, in all rows at once.
-Extents around_axis(const MapGeometry& map, const OutlineFinder& finder,
+/// Throws where a circle has no skin within and does not lie in the body, nor beside it.
+void check_within(const Extents& extents, const MapGeometry& circles) {
+  if (extents.nearest_mm() > circles.radius_mm() && !extents.are_all_around())
+    throw InputError(
+        "nothing of the body lies within {:g} mm of the centre; give another centre or a larger radius",
+        circles.radius_mm());
+}
+
+/// About an axis, the body in runs of so many slices, the most superior first.
+Extents around_axis(const MapGeometry& map, int slices, const OutlineFinder& finder,
                     std::span<const glm::dvec3> further_skin_mm) {
-  Extents extents(map.width, 1);
+  const int runs = (map.height + slices - 1) / slices;
+  Extents extents(map.width, runs);
   const double half_mm = 0.5 * glm::length(glm::dvec2(finder.skin_voxel_mm()));
-  const auto add = [&](const glm::dvec3& voxel_mm) {
-    const int row = static_cast<int>(std::lround((map.top_mm - voxel_mm.z) / map.row_spacing_mm));
-    const glm::dvec2 p = glm::dvec2(voxel_mm) - map.centre_of_row_mm(std::clamp(row, 0, map.height - 1));
-    const double r = glm::length(p), columns = map.width / kTurn * std::atan2(half_mm, r);
-    extents.add(turn_of(p) * map.width - 0.5, 0, columns, 0, r + half_mm + kMargin_mm);
+  const auto row_of = [&](const glm::dvec3& voxel_mm) {
+    const auto row = static_cast<int>(std::lround((map.top_mm - voxel_mm.z) / map.row_spacing_mm));
+    return std::clamp(row, 0, map.height - 1);
   };
-  // About a straight axis it makes no difference in which slice a voxel lies.
+  const auto add_to = [&](int run, const glm::dvec2& centre_mm, const glm::dvec3& voxel_mm) {
+    const glm::dvec2 p = glm::dvec2(voxel_mm) - centre_mm;
+    const double r = glm::length(p), columns = map.width / kTurn * std::atan2(half_mm, r);
+    extents.add(turn_of(p) * map.width - 0.5, run, columns, 0, r + half_mm + kMargin_mm);
+  };
+  const auto add = [&](const glm::dvec3& voxel_mm) {
+    const int row = row_of(voxel_mm);
+    add_to(runs - 1 - (map.height - 1 - row) / slices, map.centre_of_row_mm(row), voxel_mm);
+  };
+  // About a straight axis it makes no difference in which slice of a run a voxel lies.
   if (map.centre_mm.size() == 1)
-    finder.visit_shadow_skin(add);
+    finder.visit_shadow_skins(slices, [&](int shadow, const glm::dvec3& voxel_mm) {
+      add_to(runs - 1 - shadow, map.centre_mm[0], voxel_mm);
+    });
   else
     finder.visit_skin(add);
   std::ranges::for_each(further_skin_mm, add);
-  extents.smooth([&](int) { return steps(kSmoothing, kTurn / map.width); }, 0);
   return extents;
 }
 
+void smooth_rows(Extents& extents, int width) {
+  extents.smooth([&](int) { return steps(kSmoothing, kTurn / width); }, 0);
+}
+
+void limit_to(const MapGeometry& circles, Extents& extents) {
+  extents.limit(kNarrowest * std::min<double>(extents.largest(), circles.radius_mm()), circles.radius_mm());
+}
+
+/// One outline for all rows.
+std::vector<float> fit_one(const MapGeometry& circles, const OutlineFinder& finder,
+                           std::span<const glm::dvec3> further_skin_mm) {
+  Extents extents = around_axis(circles, circles.height, finder, further_skin_mm);
+  check_within(extents, circles);
+  smooth_rows(extents, circles.width);
+  limit_to(circles, extents);
+  return extents.mm();
+}
+
+/// One for each of a few bands of rows, whose borders are those of whole bricks of slices, as the casting
+/// kernels take them at once.
+std::vector<float> fit_bands(const MapGeometry& circles, const OutlineFinder& finder,
+                             std::span<const glm::dvec3> further_skin_mm) {
+  constexpr int kMostRuns = 64;
+  const int bricks = (circles.height + XRC_BRICK_SLICES - 1) / XRC_BRICK_SLICES,
+            slices = XRC_BRICK_SLICES * ((bricks + kMostRuns - 1) / kMostRuns);
+  const Extents runs = around_axis(circles, slices, finder, further_skin_mm);
+  check_within(runs.merged(std::array{0}), circles);
+  const std::vector<int> first_runs = partition_into_bands(runs.mm(), circles.width, kMostOutlineBands);
+  Extents bands = runs.merged(first_runs);
+  smooth_rows(bands, circles.width);
+  limit_to(circles, bands);
+  if (first_runs.size() == 1) return bands.mm();
+
+  const int all_runs = (circles.height + slices - 1) / slices;
+  std::vector<float> rows_mm;
+  rows_mm.reserve(static_cast<std::size_t>(circles.width) * circles.height);
+  for (std::size_t band = 0; band < first_runs.size(); ++band) {
+    const int end = band + 1 < first_runs.size() ? first_runs[band + 1] : all_runs;
+    const auto first = bands.mm().begin() + static_cast<std::ptrdiff_t>(band) * circles.width;
+    // The lowest run ends at the last row; the uppermost may be a part of one.
+    const int last_row = circles.height - (all_runs - end) * slices;
+    while (rows_mm.size() < static_cast<std::size_t>(last_row) * circles.width)
+      rows_mm.insert(rows_mm.end(), first, first + circles.width);
+  }
+  return rows_mm;
+}
+
 /// About the centre of a sphere.
-Extents around_point(const MapGeometry& map, const OutlineFinder& finder,
-                     std::span<const glm::dvec3> further_skin_mm) {
+std::vector<float> fit_sphere(const MapGeometry& map, const OutlineFinder& finder,
+                              std::span<const glm::dvec3> further_skin_mm) {
   Extents extents(map.width, map.height);
   const glm::dvec3 centre_mm(map.centre_mm[0], map.centre_z_mm);
   const double half_mm = 0.5 * glm::length(finder.skin_voxel_mm()), per_row = 0.5 * kTurn / map.height;
@@ -152,27 +230,24 @@ Extents around_point(const MapGeometry& map, const OutlineFinder& finder,
   };
   finder.visit_skin(add);
   std::ranges::for_each(further_skin_mm, add);
+  check_within(extents, map);
   extents.smooth(
       [&](int row) {
         return std::max(1, static_cast<int>(std::min(columns_in(kSmoothing, row), map.width / 4.0)));
       },
       steps(kSmoothing, per_row));
-  return extents;
+  limit_to(map, extents);
+  return extents.mm();
 }
 
 }  // namespace
 
 MapGeometry fit_to_body(const MapGeometry& circles, const OutlineFinder& finder,
                         std::span<const glm::dvec3> further_skin_mm) {
-  Extents extents = circles.ray_layout == RayLayout::sphere ? around_point(circles, finder, further_skin_mm)
-                                                            : around_axis(circles, finder, further_skin_mm);
-  // A circle within which there is no skin lies in the body, which then is all around it, or beside it.
-  if (extents.nearest_mm() > circles.radius_mm() && !extents.are_all_around())
-    throw InputError(
-        "nothing of the body lies within {:g} mm of the centre; give another centre or a larger radius",
-        circles.radius_mm());
-  extents.limit(kNarrowest * std::min<double>(extents.largest(), circles.radius_mm()), circles.radius_mm());
-  return with_outline(circles, std::move(extents).mm());
+  return with_outline(circles, circles.ray_layout == RayLayout::sphere
+                                   ? fit_sphere(circles, finder, further_skin_mm)
+                               : circles.centre_mm.size() > 1 ? fit_one(circles, finder, further_skin_mm)
+                                                              : fit_bands(circles, finder, further_skin_mm));
 }
 
 }  // namespace xraycast

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 #include "xraycast/casting/outline_crossings.hpp"
 
 #include <glm/common.hpp>
@@ -43,37 +44,75 @@ std::vector<RaySegment> parts_within(const RaySegment& ray, const std::vector<do
   return parts;
 }
 
-/// In a cylinder whose outline is the same in all rows.
-std::vector<RaySegment> within_plane_outline(const RaySegment& ray, const MapGeometry& geometry,
-                                             const OutlineCrossings& outline) {
-  const glm::dvec2 start = glm::dvec2(ray.start_mm) - geometry.centre_mm[0],
-                   run = glm::dvec2(ray.end_mm) - glm::dvec2(ray.start_mm);
-  const double length = glm::length(run);
-  if (length < 1e-9) return {ray};  // along the axis
-  const glm::dvec2 direction = run / length;
-  const double foot_mm = -glm::dot(start, direction);
-  const OutlineCrossings::Line line(outline, start + foot_mm * direction, direction);
-  std::vector<double> changes{0};
-  for (const auto& crossing : outline.crossings(line, std::array{geometry.radius_mm()}))
-    changes.push_back(std::clamp((crossing.along_mm + foot_mm) / length, 0.0, 1.0));
-  changes.push_back(1);
-  return parts_within(ray, changes, [&](double share) {
-    return line.shell_radius_mm(share * length - foot_mm) < geometry.radius_mm();
-  });
-}
+/// Bands of rows of a cylinder, and their outlines.
+class BandedOutline {
+ public:
+  explicit BandedOutline(const MapGeometry& geometry) : geometry_(geometry) {
+    for (const OutlineBand& band : outline_bands(geometry)) {
+      const bool is_first = band.first_row == 0, is_last = band.first_row + band.rows == geometry.height;
+      bands_.push_back({OutlineCrossings(geometry, band.first_row),
+                        is_first ? kInfinity : geometry.z_mm(band.first_row - 0.5),
+                        is_last ? -kInfinity : geometry.z_mm(band.first_row + band.rows - 0.5)});
+    }
+  }
 
-/// In any outline, looked for in steps of a millimetre.
-std::vector<RaySegment> within_outline(const RaySegment& ray, const MapGeometry& geometry) {
-  const bool is_sphere = geometry.ray_layout == RayLayout::sphere;
+  std::vector<RaySegment> parts_of(const RaySegment& ray) const {
+    std::vector<RaySegment> parts;
+    for (const Band& band : bands_) {
+      const double start = ray.start_mm.z, rise = ray.end_mm.z - start;
+      double from = 0, to = 1;
+      if (std::abs(rise) > 1e-9) {
+        const double a = (band.top_mm - start) / rise, b = (band.bottom_mm - start) / rise;
+        from = std::max(from, std::min(a, b));
+        to = std::min(to, std::max(a, b));
+      } else if (start > band.top_mm || start <= band.bottom_mm) {
+        continue;
+      }
+      if (from >= to) continue;
+      const auto found = within(
+          {glm::mix(ray.start_mm, ray.end_mm, from), glm::mix(ray.start_mm, ray.end_mm, to)}, band.outline);
+      parts.insert(parts.end(), found.begin(), found.end());
+    }
+    return parts;
+  }
+
+ private:
+  static constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  struct Band {
+    OutlineCrossings outline;
+    double top_mm, bottom_mm;
+  };
+
+  /// Of a ray that lies in one band.
+  std::vector<RaySegment> within(const RaySegment& ray, const OutlineCrossings& outline) const {
+    const glm::dvec2 start = glm::dvec2(ray.start_mm) - geometry_.centre_mm[0],
+                     run = glm::dvec2(ray.end_mm) - glm::dvec2(ray.start_mm);
+    const double length = glm::length(run);
+    if (length < 1e-9) return {ray};  // along the axis
+    const glm::dvec2 direction = run / length;
+    const double foot_mm = -glm::dot(start, direction);
+    const OutlineCrossings::Line line(outline, start + foot_mm * direction, direction);
+    std::vector<double> changes{0};
+    for (const auto& crossing : outline.crossings(line, std::array{geometry_.radius_mm()}))
+      changes.push_back(std::clamp((crossing.along_mm + foot_mm) / length, 0.0, 1.0));
+    changes.push_back(1);
+    return parts_within(ray, changes, [&](double share) {
+      return line.shell_radius_mm(share * length - foot_mm) < geometry_.radius_mm();
+    });
+  }
+
+  const MapGeometry& geometry_;
+  std::vector<Band> bands_;
+};
+
+/// In a sphere's outline, looked for in steps of a millimetre.
+std::vector<RaySegment> within_sphere_outline(const RaySegment& ray, const MapGeometry& geometry) {
   const glm::dvec3 centre(geometry.centre_mm[0], geometry.centre_z_mm);
   const auto is_within = [&](double share) {
-    const glm::dvec3 place = glm::mix(ray.start_mm, ray.end_mm, share), p = place - centre;
-    const double radius = is_sphere ? glm::length(p) : glm::length(glm::dvec2(p));
-    const double turn = std::atan2(p.x, -p.y) / (2 * std::numbers::pi);
-    const double row = is_sphere ? std::acos(std::clamp(p.z / std::max(radius, 1e-9), -1.0, 1.0)) /
-                                           std::numbers::pi * geometry.height -
-                                       0.5
-                                 : (geometry.top_mm - place.z) / geometry.row_spacing_mm;
+    const glm::dvec3 p = glm::mix(ray.start_mm, ray.end_mm, share) - centre;
+    const double radius = glm::length(p), turn = std::atan2(p.x, -p.y) / (2 * std::numbers::pi);
+    const double theta = std::acos(std::clamp(p.z / std::max(radius, 1e-9), -1.0, 1.0));
+    const double row = theta / std::numbers::pi * geometry.height - 0.5;
     return geometry.shell_radius_mm(radius, turn * geometry.width - 0.5, row) < geometry.radius_mm();
   };
   const int steps = static_cast<int>(std::ceil(glm::distance(ray.start_mm, ray.end_mm)));
@@ -97,16 +136,15 @@ std::vector<RaySegment> within_outline(const RaySegment& ray, const MapGeometry&
 
 std::vector<PixelSegment> segments_within(const View& view, const MapGeometry& geometry) {
   const auto rays = rays_within(view, geometry);
-  const bool is_plane = geometry.has_plane_outline() && geometry.ray_layout == RayLayout::cylinder;
-  std::optional<OutlineCrossings> outline;
-  if (geometry.has_outline() && is_plane) outline.emplace(geometry);
+  std::optional<BandedOutline> outline;
+  if (geometry.has_outline() && geometry.ray_layout == RayLayout::cylinder) outline.emplace(geometry);
   std::vector<std::vector<RaySegment>> parts(rays.size());
   parallel_for(view.height, [&](std::int64_t row) {
     for (std::size_t i = static_cast<std::size_t>(row) * view.width;
          i < static_cast<std::size_t>(row + 1) * view.width; ++i)
       if (rays[i])
-        parts[i] = outline                  ? within_plane_outline(*rays[i], geometry, *outline)
-                   : geometry.has_outline() ? within_outline(*rays[i], geometry)
+        parts[i] = outline                  ? outline->parts_of(*rays[i])
+                   : geometry.has_outline() ? within_sphere_outline(*rays[i], geometry)
                                             : std::vector{*rays[i]};
   });
   std::vector<PixelSegment> segments;

@@ -37,6 +37,9 @@ MapGeometry rows_of(const MapGeometry& whole, std::int64_t first, std::int64_t c
   part.top_mm = whole.z_mm(static_cast<double>(top_row));
   if (whole.centre_mm.size() > 1)
     part.centre_mm.assign(whole.centre_mm.begin() + top_row, whole.centre_mm.begin() + top_row + count);
+  if (!whole.has_plane_outline())
+    part.outline_mm.assign(whole.outline_mm.begin() + top_row * whole.width,
+                           whole.outline_mm.begin() + (top_row + count) * whole.width);
   return part;
 }
 
@@ -88,9 +91,6 @@ CastResult cast_by_slabs(ComputeDevice& device, SliceSource& source, const MapGe
     throw InputError(
         "a {} map needs the whole scan at once, since its rays cross slices; raise the memory limit",
         to_string(geometry.ray_layout));
-  if (!geometry.has_plane_outline())
-    throw InputError(
-        "an outline that differs from slice to slice needs the whole scan at once; raise the memory limit");
   CastResult result{{geometry, opacity, {}, {}}};
   result.map.tau.resize(static_cast<std::size_t>(geometry.layers()) * result.map.layer_size());
 

@@ -336,11 +336,14 @@ void OutlineFinder::visit_skin(const std::function<void(const glm::dvec3&)>& vis
     }
 }
 
-/// The body's voxels of all slices together: rows of words.
-std::vector<std::uint64_t> OutlineFinder::shadow() const {
+/// The body's voxels of so many slices together, and of the voxels above and below these: rows of words.
+std::vector<std::vector<std::uint64_t>> OutlineFinder::shadows(std::int64_t slices) const {
   const std::vector<std::uint8_t> around = cells_around_body();
-  std::vector<std::uint64_t> shadow(static_cast<std::size_t>(fine_size_.y * fine_words_), 0),
-      mask(fine_words_);
+  const std::int64_t count = (geometry_.size.z + slices - 1) / slices;
+  std::vector<std::vector<std::uint64_t>> shadows(
+      static_cast<std::size_t>(count),
+      std::vector<std::uint64_t>(static_cast<std::size_t>(fine_size_.y * fine_words_), 0));
+  std::vector<std::uint64_t> mask(fine_words_);
   for (std::int64_t y = 0; y < fine_size_.y; ++y) {
     std::int64_t masked = -1;  // the coarse slice that `mask` is of
     for (std::int64_t z = 0; z < fine_size_.z; ++z) {
@@ -351,23 +354,30 @@ std::vector<std::uint64_t> OutlineFinder::shadow() const {
         for (std::int64_t x = 0; x < fine_size_.x; ++x)
           mask[x / 64] |= std::uint64_t{cells[coarse(x, 0)] != 0} << x % 64;
       }
-      for (std::int64_t word = 0; word < fine_words_; ++word)
-        shadow[y * fine_words_ + word] |= mask[word] & fine_word(word, y, z);
+      const std::int64_t first = std::max<std::int64_t>(0, z - 1) * fine_stride_.z / slices,
+                         last = std::min((z + 2) * fine_stride_.z - 1, geometry_.size.z - 1) / slices;
+      for (std::int64_t shadow = first; shadow <= last; ++shadow)
+        for (std::int64_t word = 0; word < fine_words_; ++word)
+          shadows[shadow][y * fine_words_ + word] |= mask[word] & fine_word(word, y, z);
     }
   }
-  return shadow;
+  return shadows;
 }
 
-void OutlineFinder::visit_shadow_skin(const std::function<void(const glm::dvec3&)>& visit) const {
-  const std::vector<std::uint64_t> all = shadow();
-  const auto at = [&](std::int64_t x, std::int64_t y) {
-    return x >= 0 && x < fine_size_.x && y >= 0 && y < fine_size_.y &&
-           (all[y * fine_words_ + x / 64] >> x % 64 & 1) != 0;
-  };
-  for (std::int64_t y = 0; y < fine_size_.y; ++y)
-    for (std::int64_t x = 0; x < fine_size_.x; ++x)
-      if (at(x, y) && !(at(x - 1, y) && at(x + 1, y) && at(x, y - 1) && at(x, y + 1)))
-        visit(geometry_.to_world_mm(glm::dvec3(Index3(x, y, 0) * fine_stride_)));
+void OutlineFinder::visit_shadow_skins(
+    std::int64_t slices, const std::function<void(int shadow, const glm::dvec3& voxel_mm)>& visit) const {
+  int index = 0;
+  for (const std::vector<std::uint64_t>& shadow : shadows(slices)) {
+    const auto at = [&](std::int64_t x, std::int64_t y) {
+      return x >= 0 && x < fine_size_.x && y >= 0 && y < fine_size_.y &&
+             (shadow[y * fine_words_ + x / 64] >> x % 64 & 1) != 0;
+    };
+    for (std::int64_t y = 0; y < fine_size_.y; ++y)
+      for (std::int64_t x = 0; x < fine_size_.x; ++x)
+        if (at(x, y) && !(at(x - 1, y) && at(x + 1, y) && at(x, y - 1) && at(x, y + 1)))
+          visit(index, geometry_.to_world_mm(glm::dvec3(Index3(x, y, 0) * fine_stride_)));
+    ++index;
+  }
 }
 
 }  // namespace xraycast

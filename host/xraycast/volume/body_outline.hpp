@@ -54,8 +54,10 @@ class OutlineFinder {
   /// body that finish() found. After the last slice; only for finders that look for the skin.
   void visit_skin(const std::function<void(const glm::dvec3&)>& visit) const;
 
-  /// The same of the body's shadow along z: the outermost of all slices' voxels, each once, in slice 0.
-  void visit_shadow_skin(const std::function<void(const glm::dvec3&)>& visit) const;
+  /// The same of the body's shadows along z, each of so many slices from slice 0 on: the outermost of their
+  /// voxels and of those next to them, each once. `visit` also has the number of the shadow.
+  void visit_shadow_skins(std::int64_t slices,
+                          const std::function<void(int shadow, const glm::dvec3& voxel_mm)>& visit) const;
 
   /// The size of the voxels that are visited.
   glm::dvec3 skin_voxel_mm() const { return geometry_.spacing_mm * glm::dvec3(fine_stride_); }
@@ -71,7 +73,7 @@ class OutlineFinder {
   std::vector<std::string> cut_sides() const;
   glm::dvec2 lean_of_trunk() const;
   std::vector<std::uint8_t> cells_around_body() const;
-  std::vector<std::uint64_t> shadow() const;
+  std::vector<std::vector<std::uint64_t>> shadows(std::int64_t slices) const;
   std::int64_t coarse(std::int64_t fine, int axis) const;
   void add_fine(std::span<const std::int16_t> slice);
   std::uint64_t fine_word(std::int64_t word, std::int64_t y, std::int64_t z) const;

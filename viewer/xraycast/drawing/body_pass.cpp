@@ -3,6 +3,7 @@
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 #include "xraycast/kernels/params.h"
 #include "xraycast/sampling/c_arm_pose.hpp"
 
@@ -108,6 +109,7 @@ BodyPass::BodyPass(FullscreenPass& screen)
       axis_table_(GL_RG32F),
       layer_table_(GL_RG32F),
       outline_table_(GL_R32F),
+      band_table_(GL_RG32F),
       spectrum_table_(GL_RGBA32F),
       body_(GL_RGBA32F),
       masses_{gl::Target(GL_RGBA32F), gl::Target(GL_RGBA32F), gl::Target(GL_RGBA32F)},
@@ -127,6 +129,8 @@ void BodyPass::set_map(std::shared_ptr<const BodyMap> map) {
   if (!map_) return;
   if (map_->keys) phases_.resize(map_->keys->phases().phases().size(), 0.0);
   geometry_ = drawn_geometry(*map_);
+  has_columns_ = has_columns(geometry_);
+  upload_bands();
   if (!map_->spectrum()) return;
   const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum()).table();
   spectrum_bins_ = static_cast<int>(bins.size());
@@ -150,7 +154,7 @@ std::size_t BodyPass::texture_B() const {
 }
 
 DepthMeasure BodyPass::depth_measure() const {
-  return map_ && has_columns(geometry_) ? DepthMeasure::horizontal : DepthMeasure::along_ray;
+  return map_ && has_columns_ ? DepthMeasure::horizontal : DepthMeasure::along_ray;
 }
 
 ScreenBox BodyPass::body_box(const View& view) const {
@@ -163,7 +167,7 @@ void BodyPass::prepare(const Style& style) {
   const MapGeometry drawn = drawn_shells(geometry_, style.sampling);
   check_columns(drawn);
   upload_map(drawn, style);
-  if (!has_columns(geometry_)) upload_march_tables(drawn, style.sampling);
+  if (!has_columns_) upload_march_tables(drawn, style.sampling);
   blend();
   prepared_ = style;
 }
@@ -242,6 +246,17 @@ void BodyPass::upload_march_tables(const MapGeometry& drawn, const SampleOptions
   outline_table_.fill(scales, "the map's outline");
 }
 
+void BodyPass::upload_bands() {
+  // Beyond the map's ends there is nothing that another band could have.
+  constexpr float kBeyond = 1e9;
+  bands_.clear();
+  for (const OutlineBand& band : outline_bands(geometry_))
+    bands_.emplace_back(band.first_row, band.first_row + band.rows - 1);
+  bands_.front().x = -kBeyond;
+  bands_.back().y = kBeyond;
+  band_table_.fill(floats(bands_), "the map's bands of rows");
+}
+
 void BodyPass::upload_samples(const RectifiedView& rectified, const SampleOptions& options) {
   const ColumnSamples samples = column_samples(rectified, drawn_shells(geometry_, options), options);
   column_table_.fill(floats(samples.columns), "the view's columns");
@@ -253,9 +268,15 @@ void BodyPass::upload_samples(const RectifiedView& rectified, const SampleOption
 const gl::Program& BodyPass::use_columns(const std::string& fragment, const std::string& defines,
                                          const RectifiedView& rectified, const SampleOptions& options) {
   const MapGeometry& geometry = geometry_;
-  const gl::Program& program = screen_.use(fragment, column_defines(geometry, options) + variant(defines));
+  const gl::Program& program = screen_.use(
+      fragment, column_defines(geometry, options) + (bands_.size() > 1 ? "BANDS " : "") + variant(defines));
   column_table_.bind(program, "column_table", 1);
   sample_table_.bind(program, "sample_table", 2);
+  if (bands_.size() > 1) {
+    band_table_.bind(program, "band_table", 5);
+    program.set("bands", static_cast<int>(bands_.size()));
+    program.set("columns", rectified.columns);
+  }
   program.set("quads", texels_.quads);
   program.set("layer_stride", texels_.layer_stride());
   program.set("map_rows", double(geometry.height));
@@ -317,7 +338,7 @@ BodyPicture BodyPass::draw(const View& view, const Style& style) {
   if (drawn_ && drawn_->view == view && same_body(drawn_->style, style)) return drawn_->picture;
   drawn_.reset();  // should drawing fail
   prepare(style);
-  drawn_ = {view, style, has_columns(geometry_) ? draw_columns(view, style) : draw_march(view, style)};
+  drawn_ = {view, style, has_columns_ ? draw_columns(view, style) : draw_march(view, style)};
   return drawn_->picture;
 }
 
@@ -405,7 +426,7 @@ void BodyPass::draw_in_front(const View& view, const Style& style, const gl::Tar
       program.set("view_height", double(view.height));
       screen_.draw(box);
     };
-    if (has_columns(geometry_)) {
+    if (has_columns_) {
       const RectifiedView rectified = rectified_view(view, geometry_, pixels_per_column(style));
       const gl::Program& program = use_columns("near_columns.frag", "", rectified, style.sampling);
       program.set("from_pixel", rectified.from_pixel);

@@ -96,6 +96,7 @@ class BodyPass {
   void blend();
   std::string variant(const std::string& defines) const;
   void upload_march_tables(const MapGeometry& drawn, const SampleOptions& options);
+  void upload_bands();
   void upload_samples(const RectifiedView& rectified, const SampleOptions& options);
   template <typename Draw>
   void draw_channels(int columns, int rows, const Draw& draw_channel);
@@ -116,8 +117,11 @@ class BodyPass {
   std::vector<MapTexture> textures_;  ///< of the channels
   std::vector<KeyTexels> keys_;       ///< of the channels of a map that moves
   std::vector<double> phases_;        ///< of its modes
+  bool has_columns_ = false;          ///< see has_columns
   bool is_blended_ = false;           ///< the textures are those of the phases
-  gl::Table column_table_, sample_table_, axis_table_, layer_table_, outline_table_, spectrum_table_;
+  gl::Table column_table_, sample_table_, axis_table_, layer_table_, outline_table_, band_table_,
+      spectrum_table_;
+  std::vector<glm::vec2> bands_;  ///< first and last row of each band of rows that share an outline
   int spectrum_bins_ = 0;
   std::optional<Drawn> drawn_;
   gl::Target body_;

@@ -3,6 +3,7 @@
 #include "xraycast/base/base64.hpp"
 #include "xraycast/base/deflated.hpp"
 #include "xraycast/base/html_text.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 #include "xraycast/export/embedded_page.hpp"
 #include "xraycast/export/packed_lattice.hpp"
 #include "xraycast/export/packed_layers.hpp"
@@ -32,7 +33,7 @@ namespace {
 
 using PageJson = nlohmann::ordered_json;
 
-constexpr int kFormat = 3;
+constexpr int kFormat = 4;
 
 // ---- text -----------------------------------------------------------------------------------------
 
@@ -94,9 +95,13 @@ PageJson add_map(const ExportRequest& session, std::optional<PackedKeys>& keys, 
   const PackedLayers layers = keys ? std::move(keys->first) : pack_layers(*session.map, session.precision);
   parts.add("layers", layers.bytes);
   std::vector<float> reaches, scales;
-  for (int column = 0; column < geometry.width; ++column) {
-    reaches.push_back(static_cast<float>(geometry.reach_mm(column, 0)));
-    scales.push_back(static_cast<float>(geometry.scale(column, 0)));
+  PageJson bands = PageJson::array();
+  for (const OutlineBand& band : outline_bands(geometry)) {
+    bands.push_back(band.first_row);
+    for (int column = 0; column < geometry.width; ++column) {
+      reaches.push_back(static_cast<float>(geometry.reach_mm(column, band.first_row)));
+      scales.push_back(static_cast<float>(geometry.scale(column, band.first_row)));
+    }
   }
   parts.add("reaches", reaches);
   parts.add("scales", scales);
@@ -112,6 +117,7 @@ PageJson add_map(const ExportRequest& session, std::optional<PackedKeys>& keys, 
           {"row_mm", geometry.row_spacing_mm},
           {"field_mm", geometry.field ? PageJson(geometry.field->corners_mm()) : PageJson()},
           {"has_outline", geometry.has_outline()},
+          {"bands", bands},
           {"bounds",
            {{"centre_mm", list(bounds.centre_mm)},
             {"radius_mm", bounds.radius_mm},

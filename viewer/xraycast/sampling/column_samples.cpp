@@ -1,6 +1,8 @@
 #include "xraycast/sampling/column_samples.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/parallel.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 #include "xraycast/casting/outline_crossings.hpp"
 #include "xraycast/sampling/shell_halves.hpp"
 #include "xraycast/sampling/shell_pieces.hpp"
@@ -36,13 +38,14 @@ Line line_of(const RectifiedView& rectified, int column, const glm::dvec2& axis_
 
 class Sampler {
  public:
-  Sampler(const MapGeometry& geometry, const SampleOptions& options, std::vector<ColumnSample>& out)
+  /// Of rays under the outline of a row.
+  Sampler(const MapGeometry& geometry, int row, const SampleOptions& options, std::vector<ColumnSample>& out)
       : geometry_(geometry),
         options_(options),
         profile_(geometry.radii_mm, options.reconstruction),
         knots_mm_(profile_.knots_mm()),
         out_(out) {
-    if (geometry.has_outline()) outline_.emplace(geometry);
+    if (geometry.has_outline()) outline_.emplace(geometry, row);
     const double scale = options_.wall_radius_mm.value_or(geometry_.radius_mm()) / geometry_.radius_mm();
     for (std::size_t k = 1; k < geometry.radii_mm.size(); ++k)
       walls_mm_.push_back(scale * geometry.radii_mm[k]);
@@ -57,14 +60,28 @@ class Sampler {
   }
 
  private:
-  /// A sample at `along_mm` that integrates the interval [from_mm, to_mm] of the line.
-  void add(const Line& line, double along_mm, double from_mm, double to_mm, double weight,
-           RadialProfile::LayerPosition position) {
+  /// A column of the map, beyond the first or last one by whole turns, and a radius as its shells have it.
+  struct Place {
+    double column, radius_mm;
+  };
+
+  /// Under circles.
+  Place place_of(const Line& line, double along_mm) const {
     const glm::dvec2 p = line.at(along_mm);
-    const double turn = std::atan2(p.x, -p.y) / kTurn;
-    double column = turn * geometry_.width - 0.5;
-    if (column < 0) column += geometry_.width;
-    const double first = std::floor(column);
+    return {std::atan2(p.x, -p.y) / kTurn * geometry_.width - 0.5, glm::length(p)};
+  }
+
+  /// Under an outline.
+  static Place place_of(const OutlineCrossings::Line& across, double along_mm) {
+    const double column = across.column(along_mm);
+    return {column, across.shell_radius_mm(along_mm, column)};
+  }
+
+  /// A sample at `along_mm` that integrates the interval [from_mm, to_mm] of the line.
+  void add(const Line& line, double along_mm, double from_mm, double to_mm, double weight, double column,
+           RadialProfile::LayerPosition position) {
+    column -= geometry_.width * std::floor(column / geometry_.width);
+    const double first = std::min(std::floor(column), geometry_.width - 1.0);
     out_.push_back({static_cast<float>(position.layer * (geometry_.width + 1) + first),
                     static_cast<float>(weight), static_cast<float>(column - first),
                     static_cast<float>(position.fraction), static_cast<float>(line.foot_s_mm + along_mm),
@@ -79,7 +96,7 @@ class Sampler {
         const double radius = walls_mm_[layer], offset = line.offset_mm();
         if (radius <= offset) continue;
         const double along = side * std::sqrt((radius - offset) * (radius + offset));
-        add(line, along, along, along, 1, {layer, 0});
+        add(line, along, along, along, 1, place_of(line, along).column, {layer, 0});
       }
   }
 
@@ -102,17 +119,16 @@ class Sampler {
   }
 
   void sample_path(const Line& line) {
-    const double offset = line.offset_mm();
     const auto field = within_field(line);
-    for (const ShellPiece& piece : shell_pieces(knots_mm_, offset))
+    for (const ShellPiece& piece : shell_pieces(knots_mm_, line.offset_mm()))
       sample_piece(line, piece.from_mm, piece.to_mm, field,
-                   [offset](double along) { return std::hypot(along, offset); });
+                   [&](double along_mm) { return place_of(line, along_mm); });
   }
 
-  /// What lies between two knots and in the scan's field. `radius_of` a place is as the shells' radii.
-  template <typename RadiusOf>
+  /// What lies between two knots and in the scan's field. `place_at` gives the Place of one on the line.
+  template <typename PlaceAt>
   void sample_piece(const Line& line, double from_mm, double to_mm, const std::pair<double, double>& field,
-                    const RadiusOf& radius_of) {
+                    const PlaceAt& place_at) {
     from_mm = std::max(from_mm, field.first);
     to_mm = std::min(to_mm, field.second);
     if (from_mm >= to_mm) return;
@@ -121,7 +137,8 @@ class Sampler {
     const double texels = turned / kTurn * geometry_.width;
     if (texels <= 0.5 * options_.texels_per_step) {
       const double middle = 0.5 * (from_mm + to_mm);
-      return add(line, middle, from_mm, to_mm, to_mm - from_mm, profile_.at(radius_of(middle)));
+      const Place place = place_at(middle);
+      return add(line, middle, from_mm, to_mm, to_mm - from_mm, place.column, profile_.at(place.radius_mm));
     }
     const int steps = static_cast<int>(std::ceil(texels / options_.texels_per_step));
     const double step = (to_mm - from_mm) / steps;
@@ -130,8 +147,9 @@ class Sampler {
       const double middle = from_mm + (i + 0.5) * step;
       for (const int side : {-1, 1}) {
         const double along = middle + side * gauss, end = middle + side * 0.5 * step;
-        add(line, along, std::min(middle, end), std::max(middle, end), 0.5 * step,
-            profile_.at(radius_of(along)));
+        const Place place = place_at(along);
+        add(line, along, std::min(middle, end), std::max(middle, end), 0.5 * step, place.column,
+            profile_.at(place.radius_mm));
       }
     }
   }
@@ -139,20 +157,20 @@ class Sampler {
   void sample_outlined_path(const Line& line) {
     const OutlineCrossings::Line across(*outline_, line.foot_mm, line.direction);
     const auto field = within_field(line);
-    const auto radius_of = [&](double along_mm) { return across.shell_radius_mm(along_mm); };
+    const auto place_at = [&](double along_mm) { return place_of(across, along_mm); };
     const auto crossings = outline_->crossings(across, knots_mm_);
     for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
       const double from_mm = crossings[i].along_mm, to_mm = crossings[i + 1].along_mm;
-      const double radius_mm = radius_of(0.5 * (from_mm + to_mm));
+      const double radius_mm = across.shell_radius_mm(0.5 * (from_mm + to_mm));
       if (radius_mm > knots_mm_.front() && radius_mm < knots_mm_.back())
-        sample_piece(line, from_mm, to_mm, field, radius_of);
+        sample_piece(line, from_mm, to_mm, field, place_at);
     }
   }
 
   void sample_outlined_walls(const Line& line) {
     const OutlineCrossings::Line across(*outline_, line.foot_mm, line.direction);
     for (const auto& [along_mm, wall] : outline_->crossings(across, walls_mm_))
-      add(line, along_mm, along_mm, along_mm, 1, {wall, 0});
+      add(line, along_mm, along_mm, along_mm, 1, across.column(along_mm), {wall, 0});
   }
 
   const MapGeometry& geometry_;
@@ -193,7 +211,7 @@ void sample_projections(const RectifiedView& rectified, int column, const MapGeo
 
 bool has_columns(const MapGeometry& geometry) {
   return geometry.ray_layout != RayLayout::sphere && geometry.centre_mm.size() == 1 &&
-         geometry.has_plane_outline();
+         outline_bands(geometry).size() <= kMostOutlineBands;
 }
 
 MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options) {
@@ -205,21 +223,38 @@ MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& optio
 ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& geometry,
                              const SampleOptions& options) {
   if (!has_columns(geometry))
-    throw InputError("column sampling needs a map with one straight axis and one outline");
+    throw InputError("column sampling needs a map with one straight axis and at most {} outlines",
+                     kMostOutlineBands);
   const bool is_rectangle = geometry.ray_layout == RayLayout::rectangle;
   if (is_rectangle && (rectified.is_cone() || rectified.slope != 0))
     throw InputError("a rectangle map can show only untilted parallel views");
+  // Blocks of columns of each band, apart and then one behind the other.
+  constexpr int kBlock = 64;
+  const std::vector<OutlineBand> bands = outline_bands(geometry);
+  const int blocks = (rectified.columns + kBlock - 1) / kBlock;
+  std::vector<ColumnSamples> parts(bands.size() * static_cast<std::size_t>(blocks));
+  parallel_for(std::ssize(parts), [&](std::int64_t part) {
+    const int row = bands[static_cast<std::size_t>(part / blocks)].first_row,
+              first = static_cast<int>(part % blocks) * kBlock;
+    auto& [columns, samples] = parts[static_cast<std::size_t>(part)];
+    Sampler sampler(geometry, row, options, samples);
+    for (int column = first; column < std::min(first + kBlock, rectified.columns); ++column) {
+      const std::size_t before = samples.size();
+      if (is_rectangle)
+        sample_projections(rectified, column, geometry, samples);
+      else
+        sampler.sample(line_of(rectified, column, geometry.centre_mm[0]));
+      const double run_mm = std::hypot(rectified.source_mm, rectified.column_x_mm(column));
+      columns.push_back({static_cast<float>(before), static_cast<float>(samples.size() - before),
+                         rectified.is_cone() ? static_cast<float>(1 / run_mm) : 0.0f, 0});
+    }
+  });
   ColumnSamples result;
-  Sampler sampler(geometry, options, result.samples);
-  for (int column = 0; column < rectified.columns; ++column) {
-    const std::size_t first = result.samples.size();
-    if (is_rectangle)
-      sample_projections(rectified, column, geometry, result.samples);
-    else
-      sampler.sample(line_of(rectified, column, geometry.centre_mm[0]));
-    const double run_mm = std::hypot(rectified.source_mm, rectified.column_x_mm(column));
-    result.columns.push_back({static_cast<float>(first), static_cast<float>(result.samples.size() - first),
-                              rectified.is_cone() ? static_cast<float>(1 / run_mm) : 0.0f, 0});
+  for (ColumnSamples& part : parts) {
+    const auto before = static_cast<float>(result.samples.size());
+    for (ColumnSamples::Column& column : part.columns) column.first += before;
+    result.columns.insert(result.columns.end(), part.columns.begin(), part.columns.end());
+    result.samples.insert(result.samples.end(), part.samples.begin(), part.samples.end());
   }
   return result;
 }

@@ -28,16 +28,17 @@ struct ColumnSample {
 };
 static_assert(sizeof(ColumnSample) == 32);
 
-/// The samples of all columns of a rectified picture.
+/// The samples of all columns of a rectified picture, for each band of the map's rows that share an outline
+/// (outline_bands). A band's samples hold for its own rows alone.
 struct ColumnSamples {
-  /// Of each column: its first sample, their number, and 1 / the horizontal distance from a cone's source to
-  /// the plane, or 0.
+  /// Of a column in a band: its first sample, their number, and 1 / the horizontal distance from a cone's
+  /// source to the plane, or 0.
   struct Column {
     float first, count, per_run_mm, unused;
   };
   static_assert(sizeof(Column) == 16);
 
-  std::vector<Column> columns;
+  std::vector<Column> columns;        ///< those of one band behind those of the other
   std::vector<ColumnSample> samples;  ///< of a column in depth order, the farthest first
 };
 
@@ -60,7 +61,7 @@ struct SampleOptions {
 MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options);
 
 /// Whether a map's rays can be sampled by columns: about one straight axis, and under one outline for all
-/// rows.
+/// rows or for each of a few bands of rows (kMostOutlineBands).
 bool has_columns(const MapGeometry& geometry);
 
 /// Samples a map along every column's rays: the optical depth of a picture is the sum over a column's samples

@@ -1,6 +1,7 @@
 #include "xraycast/sampling/map_texels.hpp"
 
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 #include "xraycast/kernels/params.h"
 #include "xraycast/sampling/shell_halves.hpp"
 
@@ -23,9 +24,12 @@ class RowSolver {
         solves_(geometry.ray_layout != RayLayout::rectangle && options.compositing == Compositing::path),
         profile_(drawn_shells(geometry, options).radii_mm, options.reconstruction) {
     if (options.blends_layers(geometry)) halves_.emplace(geometry.radii_mm);
-    // About a straight axis all rows are alike.
+    // About a straight axis all rows of a band are alike.
     if (solves_ && geometry.ray_layout == RayLayout::cylinder && has_columns(geometry))
-      common_ = system_of(0);
+      for (const OutlineBand& band : outline_bands(geometry)) {
+        last_rows_.push_back(band.first_row + band.rows - 1);
+        common_.push_back(system_of(band.first_row));
+      }
   }
 
   /// Drawn shells to one of the map's.
@@ -41,8 +45,9 @@ class RowSolver {
         const auto longer = static_cast<float>(1 / geometry_.scale(static_cast<int>(i), row));
         for (std::size_t k = 0; k < layers; ++k) shells[k * width + i] *= longer;
       }
-    const System own = solves_ && !common_ ? system_of(row) : System();
-    const System& system = common_ ? *common_ : own;
+    const System own = solves_ && common_.empty() ? system_of(row) : System();
+    const System& system =
+        common_.empty() ? own : common_[std::ranges::lower_bound(last_rows_, row) - last_rows_.begin()];
     if (halves_)
       system.split.halve(shells, drawn, stride);
     else
@@ -66,7 +71,8 @@ class RowSolver {
   bool solves_;
   RadialProfile profile_;
   std::optional<ShellHalves> halves_;
-  std::optional<System> common_;
+  std::vector<int> last_rows_;  ///< of bands of rows that are alike
+  std::vector<System> common_;  ///< of each
 };
 
 }  // namespace

@@ -3,25 +3,32 @@ uniform int first_quad;
 uniform bool has_map_rows;  // the view's rows are the map's own
 out vec4 tau;
 
-void main() {
-  int quad = int(gl_FragCoord.y);
-  vec4 column = entry(column_table, int(gl_FragCoord.x));
+// Of a column in a band.
+vec4 sum_of(vec4 column, int quad) {
   int first = int(column.x), end = first + int(column.y);
   vec4 sum = vec4(0.0);
   if (has_map_rows) {
+    int of_map = quad + first_quad;
+    if (!meets_band(float(4 * of_map), float(4 * of_map + 3))) return sum;
     for (int i = first; i < end; ++i) {
       vec4 sample_ = entry(sample_table, 2 * i);
-      sum += sample_.y * quad_of(sample_, quad + first_quad);
+      sum += sample_.y * quad_of(sample_, of_map);
     }
-    tau = sum;
-    return;
+    return sum * share_of_band(of_map);
   }
   vec4 row = first_row + row_step * (float(4 * quad) + vec4(0.0, 1.0, 2.0, 3.0));
   vec4 slopes = slope_of(row, column.z);
+  if (!rays_meet_band(column, row, slopes)) return sum;
   for (int i = first; i < end; ++i) {
     vec4 sample_ = entry(sample_table, 2 * i);
     float s_mm = entry(sample_table, 2 * i + 1).x;
     sum += sample_.y * rows_of(sample_, row + slopes * s_mm);
   }
-  tau = sum * secant(slopes);
+  return sum * secant(slopes);
+}
+
+void main() {
+  tau = vec4(0.0);
+  for (int band = 0; band < bands; ++band)
+    tau += sum_of(column_in(band, int(gl_FragCoord.x)), int(gl_FragCoord.y));
 }

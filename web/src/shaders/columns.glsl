@@ -7,7 +7,43 @@ uniform float slope;                // of a parallel beam: map rows per mm of s
 uniform float source_row, row_mm;
 uniform bool blends_layers;
 
+// Bands of the map's rows that share an outline, each with samples of its own.
+uniform int bands, columns;     // their number, and that of the picture's columns
+uniform vec2 rows_of_bands[8];  // the first and the last row of each
+vec2 band_rows;                 // of the band whose samples are taken
+bool leaves_band;               // see meets_band
+
 vec4 entry(highp sampler2D table, int i) { return texelFetch(table, ivec2(i & 1023, i >> 10), 0); }
+
+// A column's samples in a band.
+vec4 column_in(int band, int column) {
+  band_rows = rows_of_bands[band];
+  return entry(column_table, band * columns + column);
+}
+
+// Whether these ascending rows of the map meet the band, between them what is interpolated; and whether some are not its
+// own.
+bool meets_band(float upper, float lower) {
+  leaves_band = upper < band_rows.x || lower > band_rows.y;
+  return lower > band_rows.x - 1.0 && upper < band_rows.y + 1.0;
+}
+
+// The same of a column's rays, which cross the rectified plane in these ascending rows.
+bool rays_meet_band(vec4 column, vec4 row, vec4 slopes) {
+  leaves_band = false;
+  if (bands == 1) return true;
+  if (column.y == 0.0) return false;
+  float from_mm = entry(sample_table, 2 * int(column.x) + 1).x;
+  float to_mm = entry(sample_table, 2 * int(column.x + column.y) - 1).x;
+  vec4 at_from = row + slopes * from_mm, at_to = row + slopes * to_mm;
+  return meets_band(min(at_from.x, at_to.x), max(at_from.w, at_to.w));
+}
+
+// Of the four rows of a quad, 1 for those of the band and 0 for others.
+vec4 share_of_band(int quad) {
+  vec4 row = float(4 * quad) + vec4(0.0, 1.0, 2.0, 3.0);
+  return step(band_rows.x, row) * step(row, vec4(band_rows.y));
+}
 
 // Four rows of the map, interpolated between the columns and layers of a sample.
 vec4 quad_of(vec4 sample_, int quad) {
@@ -33,5 +69,9 @@ vec4 rows_of(vec4 sample_, vec4 row) {
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
   int quad = int(within.x) / 4;
   vec4 upper = quad_of(sample_, quad), lower = quad_of(sample_, min(quad + 1, int(quads) - 1));
+  if (leaves_band) {
+    upper *= share_of_band(quad);
+    lower *= share_of_band(quad + 1);
+  }
   return rows_of_quads(upper, lower, quad, row, within, map_rows);
 }

@@ -4,16 +4,10 @@ uniform mat3 from_pixel;
 uniform float view_height, last_column;
 out vec4 tau;
 
-void main() {
-  ivec2 at = ivec2(gl_FragCoord.xy);
-  if (texelFetch(shade, at, 0).a == 0.0) discard;
-  vec3 place = from_pixel * vec3(gl_FragCoord.x, view_height - gl_FragCoord.y, 1.0);
-  place.xy /= place.z;
-  vec4 column = entry(column_table, int(clamp(floor(place.x + 0.5), 0.0, last_column)));
-  float row = first_row + row_step * place.y;
+// Of a column in a band: what lies nearer to the detector than `depth` of rays that cross the rectified plane in a row.
+float sum_in_front(vec4 column, float row, float depth) {
   vec4 slopes = slope_of(vec4(row), column.z);
-  float depth = texelFetch(surface_depth, at, 0).x;
-  if (column.z > 0.0) depth -= 1.0 / column.z;
+  if (!rays_meet_band(column, vec4(row), slopes)) return 0.0;
   float sum = 0.0;
   int first = int(column.x);
   for (int i = first + int(column.y) - 1; i >= first; --i) {
@@ -22,5 +16,19 @@ void main() {
     float share = min(1.0, (where.z - depth) / max(where.z - where.y, 1e-6));
     sum += share * sample_.y * rows_of(sample_, vec4(row) + slopes * where.x).x;
   }
-  tau = vec4(sum * secant(slopes).x);
+  return sum * secant(slopes).x;
+}
+
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  if (texelFetch(shade, at, 0).a == 0.0) discard;
+  vec3 place = from_pixel * vec3(gl_FragCoord.x, view_height - gl_FragCoord.y, 1.0);
+  place.xy /= place.z;
+  int of_column = int(clamp(floor(place.x + 0.5), 0.0, last_column));
+  float row = first_row + row_step * place.y, depth = texelFetch(surface_depth, at, 0).x, sum = 0.0;
+  for (int band = 0; band < bands; ++band) {
+    vec4 column = column_in(band, of_column);
+    sum += sum_in_front(column, row, column.z > 0.0 ? depth - 1.0 / column.z : depth);
+  }
+  tau = vec4(sum);
 }

@@ -1,0 +1,22 @@
+#include "xraycast/casting/outline_bands.hpp"
+
+#include <algorithm>
+#include <cstddef>
+
+namespace xraycast {
+
+std::vector<OutlineBand> outline_bands(const MapGeometry& geometry) {
+  if (geometry.has_plane_outline()) return {{0, geometry.height}};
+  std::vector<OutlineBand> bands{{0, 1}};
+  for (int row = 1; row < geometry.height; ++row) {
+    const auto above =
+        geometry.outline_mm.begin() + static_cast<std::ptrdiff_t>(row - 1) * std::ptrdiff_t{geometry.width};
+    if (std::equal(above, above + geometry.width, above + geometry.width))
+      ++bands.back().rows;
+    else
+      bands.push_back({row, 1});
+  }
+  return bands;
+}
+
+}  // namespace xraycast
