@@ -281,6 +281,7 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   if (is_monitored) result["report"] = Json::parse(monitor->json(false));
   if (exercise) pictures += in_words(*monitor->progress()) + "\n";
   for (const Treatment& treatment : run.treatments) pictures += in_words(treatment, *request.tree) + "\n";
+  for (const Coiling& coiling : run.coilings) pictures += in_words(coiling) + "\n";
   if (const auto exposure = cine ? cine->exposure() : std::nullopt) {
     result["fluoroscope"] = to_json(*exposure);
     pictures += summary(*exposure);
@@ -331,7 +332,9 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       "Balloons,\n"
       "such as that of balloon-6x20, have the columns inflation_bar and inflation_2_bar; stents that open\n"
       "themselves, such as that of stent-self-8x40, have release_mm and release_2_mm: how far the sheath is\n"
-      "drawn back.",
+      "drawn back; wires that push coils, such as coil-10x30 in microcatheter-24f, have detach_2: how many "
+      "coils\n"
+      "were to be detached so far.",
       [options, &invocation] { simulate(*options, invocation); });
   options->command = command;
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")

@@ -37,6 +37,7 @@ struct State {
 /// How far each instrument's hub moves.
 struct HubMoves {
   std::vector<double> push_mm, turn_rad, inflate_bar, release_mm;
+  std::vector<double> detach{};  ///< so many coils, as they are there; none: no coils
 };
 
 /// Coaxial instruments, or one alone, moved by one thread at a time.
@@ -64,7 +65,8 @@ class HeldInstruments {
         poses[d] = {starts[d].insertion_mm + share * moves.push_mm[d],
                     starts[d].rotation_rad + share * moves.turn_rad[d],
                     starts[d].inflation_bar + share * moves.inflate_bar[d],
-                    starts[d].release_mm + share * moves.release_mm[d]};
+                    starts[d].release_mm + share * moves.release_mm[d],
+                    starts[d].detach + (moves.detach.empty() ? 0 : moves.detach[d])};
       instruments_.step(poses, next_phases());
       monitor_.add(instruments_);
       constexpr std::chrono::milliseconds kLookInterval{50};
@@ -244,6 +246,12 @@ std::vector<State> move_by(HeldInstruments& instruments, HubMoves moves, int ms)
   for (const double mm : moves.release_mm)
     if (mm < 0)
       throw InputError("release_mm {}: a sheath does not go back over its stent; give 0 or more", mm);
+  for (const double count : moves.detach)
+    if (count != 0 && count != 1)
+      throw InputError(
+          "detach {:g}: a wire has one coil at a time; give 1 for an instrument whose coil is to be "
+          "detached, and 0 for the others",
+          count);
   for (double& angle : moves.turn_rad) angle *= kRadiansPerDegree;
   Progress progress;
   const RunningCall call(progress);
@@ -253,12 +261,13 @@ std::vector<State> move_by(HeldInstruments& instruments, HubMoves moves, int ms)
 
 std::vector<State> move_hubs(HeldInstruments& instruments, const ArrayArgument& push_mm,
                              const ArrayArgument& turn_deg, int ms, const ArrayArgument& inflate_bar,
-                             const ArrayArgument& release_mm) {
+                             const ArrayArgument& release_mm, const ArrayArgument& detach) {
   return move_by(
       instruments,
       {moves_of(push_mm, instruments.count(), "push_mm"), moves_of(turn_deg, instruments.count(), "turn_deg"),
        moves_of(inflate_bar, instruments.count(), "inflate_bar"),
-       moves_of(release_mm, instruments.count(), "release_mm")},
+       moves_of(release_mm, instruments.count(), "release_mm"),
+       moves_of(detach, instruments.count(), "detach")},
       ms);
 }
 
@@ -287,6 +296,12 @@ auto nodes_of(HeldInstruments& instruments, int instrument) {
     nodes = instruments.nodes_mm(number);
   }
   return array_over<double, 2>(&nodes->front().x, {nodes->size(), 3}, nodes);
+}
+
+template <typename Value>
+std::optional<Value> of_coil(const State& state, Value RunRecord::Coil::*what) {
+  if (!state.record.coil) return std::nullopt;
+  return (*state.record.coil).*what;
 }
 
 std::string state_description(const State& s) {
@@ -349,6 +364,15 @@ void add_state(nb::module_& module) {
           "free_rings", [](const State& s) { return s.record.free_rings; },
           "The rings of the stent in its sheath that are free; None without a sheath.")
       .def_prop_ro(
+          "coil_mm", [](const State& s) { return of_coil(s, &RunRecord::Coil::out_mm); },
+          "How much of the coil on its wire lies in an aneurysm; None without coils.")
+      .def_prop_ro(
+          "coils_detached", [](const State& s) { return of_coil(s, &RunRecord::Coil::detached); },
+          "The coils that it left so far; None without coils.")
+      .def_prop_ro(
+          "packing", [](const State& s) { return of_coil(s, &RunRecord::Coil::packing); },
+          "The packing density of the aneurysm that it has coils in, 0 to 1; None without coils.")
+      .def_prop_ro(
           "phases", [](const State& s) { return s.record.phases; },
           "The phases of the motion's modes, in order; none in a still body.")
       .def_prop_ro(
@@ -404,12 +428,14 @@ void add_instruments(nb::module_& module) {
            "motion, phase, exercise: as Catheter's.")
       .def("step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
            nb::arg("ms") = 1, nb::kw_only(), nb::arg("inflate_bar") = nb::none(),
-           nb::arg("release_mm") = nb::none(),
+           nb::arg("release_mm") = nb::none(), nb::arg("detach") = nb::none(),
            "Moves each hub by its numbers in push_mm and turn_deg, changes the pressure of its balloon by "
            "that "
            "in inflate_bar, and draws the sheath of its stent back by that in release_mm, evenly over `ms` "
            "steps "
-           "of 1 ms, and returns a CatheterState for each instrument.")
+           "of 1 ms, detaches its coil where detach has a 1, within the first 10 ms, and returns a "
+           "CatheterState "
+           "for each instrument.")
       .def("hold", hold_mode, nb::arg("mode"), nb::arg("is_held") = true, kHoldHelp)
       .def("report", instruments_report, nb::arg("series") = false, kReportHelp)
       .def_prop_ro("states", &HeldInstruments::states, nb::call_guard<nb::gil_scoped_release>())

@@ -23,19 +23,20 @@ namespace xraycast::python {
 namespace {
 
 /// Of a file, or of an array (rows, 1 + 2 instruments), of balloons (rows, 1 + 3 instruments), of stents in
-/// sheaths (rows, 1 + 4 instruments).
+/// sheaths (rows, 1 + 4 instruments), of coils (rows, 1 + 5 instruments).
 Script script_of(const nb::object& script, std::size_t instruments) {
   if (is_path(script)) return Script::read(path_of(script), instruments);
   const Numbers numbers = numbers_of(script, "script");
   const std::size_t columns = 1 + 2 * instruments, with_balloons = columns + instruments,
-                    with_sheaths = with_balloons + instruments;
+                    with_sheaths = with_balloons + instruments, with_coils = with_sheaths + instruments;
   const std::size_t given = numbers.shape.size() == 2 ? numbers.shape[1] : 0;
-  if (given != columns && given != with_balloons && given != with_sheaths)
+  if (given != columns && given != with_balloons && given != with_sheaths && given != with_coils)
     throw InputError(
         "script: must be a file or (rows, {}): time_s, then insertion_mm and rotation_deg of each "
         "instrument; "
-        "or (rows, {}), with inflation_bar too; or (rows, {}), with release_mm as well",
-        columns, with_balloons, with_sheaths);
+        "or (rows, {}), with inflation_bar too; or (rows, {}), with release_mm as well; or (rows, {}), "
+        "with detach as well",
+        columns, with_balloons, with_sheaths, with_coils);
   const std::size_t of_each = (given - 1) / instruments;
   std::vector<Script::Row> rows(numbers.shape[0]);
   const double* value = numbers.values.data();
@@ -44,7 +45,8 @@ Script script_of(const nb::object& script, std::size_t instruments) {
     row.inner_poses.resize(instruments - 1);
     for (std::size_t d = 0; d < instruments; ++d, value += of_each)
       (d == 0 ? row.pose : row.inner_poses[d - 1]) = {
-          value[0], value[1] / kDegreesPerRadian, of_each >= 3 ? value[2] : 0, of_each >= 4 ? value[3] : 0};
+          value[0], value[1] / kDegreesPerRadian, of_each >= 3 ? value[2] : 0, of_each >= 4 ? value[3] : 0,
+          of_each >= 5 ? value[4] : 0};
   }
   return Script::of(std::move(rows), "script", instruments);
 }

@@ -258,6 +258,39 @@ def test_a_stent_is_released_from_its_sheath(tree):
     assert xc.Catheter(tree, "cobra-5f").state.free_rings is None
 
 
+def basilar_tip():
+    """A vessel that forks around an aneurysm of 10 mm straight ahead."""
+    def line(start, end, radius_mm):
+        return np.column_stack([np.linspace(start, end, 41), np.full(41, radius_mm)])
+    to_centre_mm = 2 + np.sqrt(25 - 6.25)
+    at_mm = to_centre_mm * np.arange(37) / 24
+    sac = np.column_stack([0 * at_mm, 0 * at_mm, 100 + at_mm, np.maximum(1, 5 - abs(at_mm - to_centre_mm))])
+    return xc.VesselTree([(line((0, 0, 0), (0, 0, 100), 2), -1, "basilar artery"), (line((0, 0, 100), (40, 0, 110), 1.5), 0, "right artery"),
+                          (line((0, 0, 100), (-40, 0, 110), 1.5), 0, "left artery"), (sac, 0, "aneurysm")])
+
+
+def test_a_coil_is_detached_in_an_aneurysm():
+    tree = basilar_tip()
+    coil = xc.CoaxialInstruments(tree, ["microcatheter-24f", "coil-10x30"], entry=0)
+    coil.step([106, 106], ms=1000)
+    coil.step([0, 150], ms=1000)
+    inner = coil.step(detach=[0, 1], ms=20)[1]  # coils are looked at every 10 ms
+    assert inner.coil_mm == pytest.approx(150) and inner.coils_detached == 0, "half of it is in the catheter still"
+    coil.step([0, 150], ms=1000)
+    inner = coil.step(detach=[0, 1], ms=20)[1]
+    assert inner.coils_detached == 1 and inner.coil_mm == 0 and inner.packing == pytest.approx(0.0591, abs=1e-3)
+    treatment, = coil.report()["treatments"]
+    assert treatment["vessel"] == "aneurysm" and treatment["coil_mm"] == pytest.approx(300) and 40 < treatment["inflow_percent"] < 99
+    with pytest.raises(xc.InputError, match="detach 2: a wire has one coil at a time"):
+        coil.step(detach=[0, 2])
+    rows = [(0, 106, 0, 0, 0, 0, 106, 0, 0, 0, 0), (2, 106, 0, 0, 0, 0, 406, 0, 0, 0, 0), (2.1, 106, 0, 0, 0, 0, 406, 0, 0, 0, 1), (2.2, 106, 0, 0, 0, 0, 406, 0, 0, 0, 1)]
+    run = xc.simulate(tree, ["microcatheter-24f", "coil-10x30"], rows, entry=0)
+    assert run.notes == [] and run.report()["treatments"][0]["packing_percent"] == pytest.approx(5.91, abs=0.1)
+    assert xc.Catheter(tree, "microcatheter-24f", entry=0).state.coil_mm is None
+    with pytest.raises(xc.InputError, match="coil-10x30: pushes coils through a catheter; give one before it"):
+        xc.Catheter(tree, "coil-10x30", entry=0)
+
+
 def test_bad_arguments_are_named(tree, small_map, tmp_path):
     for script in ([(0, 0)], [1, 2, 3], [(0, 0, 0, 0, 0, 0)], "no-such.csv"):
         with pytest.raises(xc.InputError, match="script|no-such.csv"):

@@ -20,12 +20,13 @@ using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
 TEST(InstrumentModel, PresetsReadBack) {
-  EXPECT_THAT(InstrumentModel::preset_names(),
-              testing::ElementsAre("guidewire-035-j", "pigtail-5f", "cobra-5f", "simmons2-5f",
-                                   "microcatheter-27f", "guidewire-014-straight", "guidewire-014-angled",
-                                   "guidewire-035-straight", "guidewire-035-angled", "exchange-035-stiff",
-                                   "vertebral-5f", "jb1-5f", "guide-6f", "balloon-6x20", "balloon-3x15",
-                                   "stent-6x18", "stent-self-8x40", "microcatheter-24f"));
+  EXPECT_THAT(
+      InstrumentModel::preset_names(),
+      testing::ElementsAre("guidewire-035-j", "pigtail-5f", "cobra-5f", "simmons2-5f", "microcatheter-27f",
+                           "guidewire-014-straight", "guidewire-014-angled", "guidewire-035-straight",
+                           "guidewire-035-angled", "exchange-035-stiff", "vertebral-5f", "jb1-5f", "guide-6f",
+                           "balloon-6x20", "balloon-3x15", "stent-6x18", "stent-self-8x40", "coil-10x30",
+                           "coil-6x20", "coils-10mm", "microcatheter-24f"));
   for (const std::string& name : InstrumentModel::preset_names()) {
     const InstrumentModel instrument = InstrumentModel::named(name);
     EXPECT_EQ(instrument.name(), name);

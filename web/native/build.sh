@@ -10,17 +10,17 @@ sources="
   host/xraycast/geometry/branch_names host/xraycast/geometry/nurbs_curve host/xraycast/geometry/segment_index host/xraycast/geometry/tube host/xraycast/geometry/vessel_tree
   host/xraycast/motion/body_clock host/xraycast/motion/displacement host/xraycast/motion/motion host/xraycast/motion/motion_mode
   host/xraycast/projection/view
-  simulation/xraycast/mechanics/balloon_model simulation/xraycast/mechanics/block_band_matrix simulation/xraycast/mechanics/instrument_model simulation/xraycast/mechanics/marker_model simulation/xraycast/mechanics/rod
+  simulation/xraycast/mechanics/balloon_model simulation/xraycast/mechanics/block_band_matrix simulation/xraycast/mechanics/coil_model simulation/xraycast/mechanics/instrument_model simulation/xraycast/mechanics/marker_model simulation/xraycast/mechanics/rod
   simulation/xraycast/mechanics/rod_derivatives simulation/xraycast/mechanics/rod_system simulation/xraycast/mechanics/stent_model
-  simulation/xraycast/catheter/hub simulation/xraycast/catheter/lumen_distance_field simulation/xraycast/catheter/lumen_profile
+  simulation/xraycast/catheter/aneurysm_sac simulation/xraycast/catheter/hub simulation/xraycast/catheter/lumen_distance_field simulation/xraycast/catheter/lumen_profile
   simulation/xraycast/catheter/moving_body
   simulation/xraycast/catheter/vessel_entry simulation/xraycast/catheter/wall_contact simulation/xraycast/catheter/yielding_walls
-  simulation/xraycast/coaxial/coaxial_rods simulation/xraycast/coaxial/instruments simulation/xraycast/coaxial/lumen_contact
+  simulation/xraycast/coaxial/coaxial_rods simulation/xraycast/coaxial/coil_pack simulation/xraycast/coaxial/instruments simulation/xraycast/coaxial/lumen_contact
   simulation/xraycast/coaxial/placed_stent simulation/xraycast/coaxial/rod_curve simulation/xraycast/coaxial/self_expansion
   simulation/xraycast/coaxial/treatment
   simulation/xraycast/blood_flow/flow_network simulation/xraycast/blood_flow/heartbeat simulation/xraycast/blood_flow/rest_flow
-  simulation/xraycast/blood_flow/tree_flow simulation/xraycast/blood_flow/vessel_impedance
-  simulation/xraycast/simulation/agent_outlet
+  simulation/xraycast/blood_flow/sac_inflow simulation/xraycast/blood_flow/tree_flow simulation/xraycast/blood_flow/vessel_impedance
+  simulation/xraycast/simulation/agent_outlet simulation/xraycast/simulation/coiling
   simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/instrument_pressures simulation/xraycast/simulation/laminar_vessel
   simulation/xraycast/simulation/exercise simulation/xraycast/simulation/exercise_progress
   simulation/xraycast/simulation/run_monitor simulation/xraycast/simulation/run_report

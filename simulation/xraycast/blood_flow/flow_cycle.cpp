@@ -61,6 +61,8 @@ FlowCycle flow_cycle(const FlowRequest& request, Progress& progress) {
       cycle.vessels[b].ml_s.push_back(flow.start_ml_s(b));
       cycle.vessels[b].mmHg.push_back(flow.pressure_mmHg(end_of(tree, b)));
     }
+    for (std::size_t s = 0; s < flow.sacs().size(); ++s)
+      cycle.vessels[static_cast<std::size_t>(flow.sacs()[s].branch)].ml_s.back() = flow.sac_ml_s(s);
     progress.advance();
   }
   return cycle;

@@ -29,7 +29,8 @@ struct CycleFigures {
 struct FlowCycle {
   static constexpr double kStep_s = 1e-3;  ///< between samples, at most
   struct Vessel {
-    std::vector<double> ml_s;  ///< through its start, away from the root
+    /// Through its start, away from the root; of an aneurysm's sac, what enters it, and as much leaves it.
+    std::vector<double> ml_s;
     std::vector<double> mmHg;  ///< at its end
   };
   std::vector<double> time_s;       ///< since the ejection began

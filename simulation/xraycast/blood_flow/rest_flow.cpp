@@ -1,6 +1,7 @@
 #include "xraycast/blood_flow/rest_flow.hpp"
 
 #include "xraycast/blood_flow/vessel_impedance.hpp"
+#include "xraycast/catheter/aneurysm_sac.hpp"
 
 #include <algorithm>
 #include <array>
@@ -45,6 +46,18 @@ double own_radius_mm(const VesselBranch& branch) {
   return healthy_radii_mm(branch)[branch.points.size() / 2];
 }
 
+/// See RestFlow.
+std::vector<bool> outlets_of(const VesselTree& tree) {
+  const auto is_sac = [&](int branch) { return sac_of(tree, branch).has_value(); };
+  std::vector<bool> is_outlet;
+  for (std::size_t b = 0; b < tree.branches().size(); ++b) {
+    const std::vector<int>& children = tree.branches()[b].children;
+    is_outlet.push_back(!is_sac(static_cast<int>(b)) &&
+                        std::all_of(children.begin(), children.end(), is_sac));
+  }
+  return is_outlet;
+}
+
 double root_flow_ml_s(const VesselTree& tree, const Blood& blood) {
   const VesselBranch& root = tree.branches()[static_cast<std::size_t>(tree.root())];
   constexpr double kMl_per_mm3 = 1e-3;
@@ -82,12 +95,14 @@ std::vector<int> parents_first(const VesselTree& tree) {
 
 RestFlow rest_flow(const VesselTree& tree, const Blood& blood) {
   const auto& branches = tree.branches();
-  RestFlow rest{std::vector<double>(branches.size()), std::vector<Coronary>(branches.size())};
+  RestFlow rest{std::vector<double>(branches.size()), std::vector<Coronary>(branches.size()),
+                outlets_of(tree)};
   const auto root = static_cast<std::size_t>(tree.root());
   rest.ml_s[root] = root_flow_ml_s(tree, blood);
   rest.coronary[root] = coronary_of(branches[root].name);
   for (const int parent : parents_first(tree)) {
     const VesselBranch& divides = branches[static_cast<std::size_t>(parent)];
+    if (rest.is_outlet[static_cast<std::size_t>(parent)]) continue;
     const double flow_ml_s = rest.ml_s[static_cast<std::size_t>(parent)];
     // A vessel that goes on under its name is none that leaves.
     const auto share_of = [&](int child) {
@@ -95,6 +110,7 @@ RestFlow rest_flow(const VesselTree& tree, const Blood& blood) {
       return name == divides.name ? 0 : rest_share(name);
     };
     const auto width_of = [&](int child) {
+      if (sac_of(tree, child)) return 0.0;
       return std::pow(own_radius_mm(branches[static_cast<std::size_t>(child)]), blood.split_exponent);
     };
     double named_ml_s = 0, widths = 0, all_widths = 0;

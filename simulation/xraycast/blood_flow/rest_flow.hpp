@@ -30,11 +30,14 @@ struct RestFlow {
   std::vector<double> ml_s;
   /// Of every branch; those beyond a coronary artery are of it.
   std::vector<Coronary> coronary;
+  /// Of every branch: blood leaves the tree through its end. Not through a sac (see AneurysmSac), nor through
+  /// a branch that goes on in others than sacs.
+  std::vector<bool> is_outlet;
 };
 
 /// The root has the share of its name, or else Blood's velocity, but never more than the heart's output. At a
 /// bifurcation arteries with a share by their names have that; the others divide what is left by the power of
-/// their radii in Blood, and have at least half of what they would have by it.
+/// their radii in Blood, and have at least half of what they would have by it. A sac has none.
 RestFlow rest_flow(const VesselTree& tree, const Blood& blood);
 
 /// Branches, each behind its parent.

@@ -55,6 +55,8 @@ TreeFlow::TreeFlow(const VesselTree& tree, const Blood& blood)
     : tree_(tree),
       heart_(checked(blood).heart_rate_bpm),
       rest_(rest_flow(tree, blood)),
+      sacs_(sacs_of(tree)),
+      beds_(sacs_.size()),
       divided_mm_(tree.branches().size()),
       upper_(tree.branches().size()),
       behind_(tree.branches().size()),
@@ -93,7 +95,7 @@ std::vector<FlowNode> TreeFlow::nodes_of(const Blood& blood) {
     rest_mmHg[b] = (branch.parent < 0 ? kAortic_mmHg : rest_mmHg[parent]) - drop_mmHg;
   }
   for (std::size_t b = 0; b < tree_.branches().size(); ++b)
-    if (tree_.branches()[b].children.empty())
+    if (is_outlet(b))
       add_outlet(nodes, b, rest_mmHg[b],
                  rest_.coronary[b] == Coronary::none ? blood.other_resistance : blood.coronary_resistance);
   return nodes;
@@ -193,6 +195,11 @@ void TreeFlow::step(double time_s, const VesselTree::Location& tip, double injec
   time_s_ += time_s;
 }
 
+double TreeFlow::sac_ml_s(std::size_t sac) const {
+  const VesselBranch& dead_end = tree_.branches()[static_cast<std::size_t>(sacs_[sac].branch)];
+  return sac_inflow_ml_s(sacs_[sac], end_ml_s(static_cast<std::size_t>(dead_end.parent)), beds_[sac]);
+}
+
 double TreeFlow::pressure_mmHg(const VesselTree::Location& place) const {
   const auto branch = static_cast<std::size_t>(place.branch);
   const std::size_t node = upper_[branch];
@@ -249,6 +256,7 @@ void TreeFlow::set_conductance(std::size_t branch, double share) {
 }
 
 void TreeFlow::set_periphery(std::size_t leaf, double share) {
+  if (behind_[leaf] == 0) return;
   const std::size_t last = behind_[leaf] + (rest_.coronary[leaf] == Coronary::none ? 1 : 2);
   for (std::size_t node = behind_[leaf]; node <= last; ++node) network_.set_conductance(node, share);
 }

@@ -4,6 +4,7 @@
 #include "xraycast/blood_flow/flow_network.hpp"
 #include "xraycast/blood_flow/heartbeat.hpp"
 #include "xraycast/blood_flow/rest_flow.hpp"
+#include "xraycast/blood_flow/sac_inflow.hpp"
 #include "xraycast/blood_flow/vessel_impedance.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 
@@ -40,8 +41,18 @@ class TreeFlow {
   double end_ml_s(std::size_t branch) const { return network_.mean_flow(upper_[branch] + 1); }
   /// The same at rest in the healthy tree.
   double rest_ml_s(std::size_t branch) const { return rest_.ml_s[branch]; }
+  /// Blood leaves the tree through its end.
+  bool is_outlet(std::size_t branch) const { return rest_.is_outlet[branch]; }
   /// The largest one over a beat of this tree, either way, without an injection.
   double peak_ml_s(std::size_t branch) const { return peak_ml_s_[branch]; }
+
+  /// The sacs of aneurysms, through which nothing flows but what is injected in them, and what each exchanges
+  /// with the vessel that it leaves in the last step; see sac_inflow_ml_s.
+  const std::vector<AneurysmSac>& sacs() const { return sacs_; }
+  double sac_ml_s(std::size_t sac) const;
+  /// The coils in it from now on.
+  void pack(std::size_t sac, const CoilBed& bed) { beds_[sac] = bed; }
+  const CoilBed& bed(std::size_t sac) const { return beds_[sac]; }
 
   /// At the end of the last step.
   double aortic_mmHg() const { return network_.pressure(0); }
@@ -65,7 +76,8 @@ class TreeFlow {
   void set_lumens(const VesselTree& tree);
   /// How much of a branch's conductance is left: 0 closes it, as a balloon does.
   void set_conductance(std::size_t branch, double share);
-  /// How much of the periphery's conductance behind a leaf is left, as particles embolise it.
+  /// How much of the periphery's conductance behind a leaf is left, as particles embolise it. Nothing for a
+  /// sac.
   void set_periphery(std::size_t leaf, double share);
 
  private:
@@ -84,6 +96,8 @@ class TreeFlow {
   const VesselTree& tree_;
   Heartbeat heart_;
   RestFlow rest_;
+  std::vector<AneurysmSac> sacs_;
+  std::vector<CoilBed> beds_;  ///< of each sac
   std::vector<VesselImpedance> impedances_;
   std::vector<double> divided_mm_;   ///< where each branch's inner node lies
   std::vector<std::size_t> upper_;   ///< of each branch, its inner node; its end is the next one

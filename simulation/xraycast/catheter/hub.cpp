@@ -16,6 +16,7 @@ void MovingHub::approach(const HubPose& target, double force_N, const HubPose& l
   pose.inflation_bar += std::clamp(target_bar - pose.inflation_bar, -max_change_bar, max_change_bar);
   const double release_mm = std::min(target.release_mm, largest.release_mm);
   pose.release_mm += std::clamp(release_mm - pose.release_mm, 0.0, kMaxRelease_mm_s * step_s);
+  pose.detach = std::max(pose.detach, std::min(target.detach, largest.detach));
 }
 
 }  // namespace xraycast

@@ -13,6 +13,7 @@ struct HubPose {
   double rotation_rad = 0;   ///< about the direction of insertion, right-handed; adds up over whole turns
   double inflation_bar = 0;  ///< pressure in the instrument's balloon above the blood's; 0: it is folded
   double release_mm = 0;  ///< how far the sheath of the instrument's stent is drawn back; it never goes back
+  double detach = 0;      ///< how many coils were to be detached so far: one as it comes to a whole number
 };
 
 /// Force and torque on the hand at the hub, in SI units.
@@ -37,7 +38,8 @@ struct MovingHub {
   HubPose pose;
   bool is_held = false;  ///< it does not advance, because of the force
 
-  /// A step towards a pose, whose insertion, pressure and release are clamped to 0 to the largest.
+  /// A step towards a pose, whose insertion, pressure and release are clamped to 0 to the largest, and its
+  /// detachments to the largest.
   void approach(const HubPose& target, double force_N, const HubPose& largest, double step_s);
 };
 

@@ -74,7 +74,9 @@ std::shared_ptr<const LumenDistanceField> lumen_with_introducer(const VesselTree
 
 }  // namespace
 
-double max_insertion_mm(const InstrumentModel& model) { return model.length_mm() - kIntroducer_mm; }
+double max_insertion_mm(const InstrumentModel& model) {
+  return model.length_mm() - kIntroducer_mm + model.longest_coil_mm();
+}
 
 std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models) {
   std::vector<double> insertions_mm;
@@ -89,6 +91,9 @@ void check_instruments(const std::vector<InstrumentModel>& instruments) {
   for (std::size_t outer = 0; outer < instruments.size(); ++outer)
     for (std::size_t inner = outer + 1; inner < instruments.size(); ++inner)
       check_fits_inside(instruments[outer], instruments[inner]);
+  if (instruments.front().has_coils())
+    throw InputError("{}: pushes coils through a catheter; give one before it, such as microcatheter-24f",
+                     instruments.front().name());
 }
 
 Instruments::Instruments(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
@@ -105,6 +110,8 @@ Instruments::Instruments(const VesselTree& tree, const std::vector<InstrumentMod
       hubs_(instruments.size()),
       balloons_(instruments.size()),
       sheaths_(instruments.size()) {
+  for (const AneurysmSac& sac : sacs_of(tree)) packs_.emplace_back(sac);
+  for (const InstrumentModel& model : instruments) pushers_.emplace_back(model);
   for (std::size_t d = 0; d < count(); ++d)
     balloons_[d].carries_stent = instruments[d].balloon() && instruments[d].stent();
   for (std::size_t d = 0; d < count(); ++d) {
@@ -148,7 +155,7 @@ void Instruments::settle(CoaxialRods& rods) {
 }
 
 double Instruments::max_insertion_mm(std::size_t instrument) const {
-  return xraycast::max_insertion_mm(rod(instrument).instrument());
+  return rod(instrument).instrument().length_mm() - kIntroducer_mm + pushers_[instrument].ahead_mm();
 }
 
 std::span<const double> Instruments::phases() const {
@@ -158,14 +165,19 @@ std::span<const double> Instruments::phases() const {
 void Instruments::step(std::span<const HubPose> targets, std::span<const double> phases) {
   for (std::size_t d = 0; d < count(); ++d) {
     const double rotation_before_rad = pose(d).rotation_rad;
-    const HubPose largest{.insertion_mm = max_insertion_mm(d),
+    const HubPose largest{.insertion_mm = largest_insertion_mm(d),
                           .inflation_bar = rod(d).instrument().max_inflation_bar(),
-                          .release_mm = rod(d).instrument().max_release_mm()};
+                          .release_mm = rod(d).instrument().max_release_mm(),
+                          .detach = rod(d).instrument().has_coils() ? CoilPusher::kMostDetached : 0};
     hubs_[d].approach(targets[d], load(d).force_N, largest, options_.step_s);
     if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
-    rods_.feed_to(d, kIntroducer_mm + pose(d).insertion_mm);
+    rods_.feed_to(d, kIntroducer_mm + rod_insertion_mm(d));
+    pushers_[d].note(targets[d].insertion_mm, largest.insertion_mm, options_.step_s);
   }
-  if (steps_ % kTreatmentSteps == 0) treat();
+  if (steps_ % kTreatmentSteps == 0) {
+    treat();
+    push_coils();
+  }
   if (body_ && body_->move_to(phases))
     for (std::size_t d = 0; d < count(); ++d) walls_[d]->follow_body(rod(d));
   rods_.step(options_.step_s);
@@ -178,7 +190,9 @@ bool Instruments::is_held() const {
 
 HubLoad Instruments::load(std::size_t instrument) const {
   const Rod& of = rod(instrument);
-  return {.force_N = -of.clamp_force_N().dot(of.clamp().axis), .torque_Nm = -of.clamp_torque_Nm()};
+  const CoilPusher& pusher = pushers_[instrument];
+  const double coil_N = pusher.sac ? packs_[*pusher.sac].push_N() : 0;
+  return {.force_N = -of.clamp_force_N().dot(of.clamp().axis) + coil_N, .torque_Nm = -of.clamp_torque_Nm()};
 }
 
 InstrumentTip Instruments::tip(std::size_t instrument) const {
@@ -240,6 +254,7 @@ void Instruments::exchange(std::size_t instrument, const InstrumentModel& model)
   hubs_[instrument] = {};
   balloons_[instrument] = {.carries_stent = model.balloon() && model.stent()};
   sheaths_[instrument] = {};
+  pushers_[instrument] = CoilPusher(model);
   treatments_.take_out(instrument);
 }
 
@@ -417,6 +432,99 @@ void Instruments::treat() {
   if (!yields && !has_changed) return;
   for (std::size_t d = 0; d < count(); ++d)
     walls_[d]->take_walls(treatments_.walls().field(), balloon_on_wall(d), rod(d));
+}
+
+// ---- coils ----------------------------------------------------------------------------------------------
+
+/// Of those around an instrument, of which there is one.
+std::size_t Instruments::furthest_around(std::size_t instrument) const {
+  std::size_t furthest = 0;
+  for (std::size_t outer = 1; outer < instrument; ++outer)
+    if (rod(outer).fed_mm() > rod(furthest).fed_mm()) furthest = outer;
+  return furthest;
+}
+
+/// In which a tip lies, so that a coil has room there.
+std::optional<std::size_t> Instruments::sac_at_tip(std::size_t instrument, double wire_mm) const {
+  const glm::dvec3 place_mm = tip(instrument).scan_mm;
+  for (std::size_t s = 0; s < packs_.size(); ++s)
+    if (packs_[s].sac().radius_mm >= CoilPack::least_radius_mm(wire_mm) &&
+        packs_[s].sac().depth_mm(place_mm) >= 0.5 * wire_mm)
+      return s;
+  return {};
+}
+
+/// A coil is pushed until all of it is out, and not out of a catheter whose tip is in no sac.
+double Instruments::largest_insertion_mm(std::size_t instrument) const {
+  const CoilPusher& pusher = pushers_[instrument];
+  const double most_mm = max_insertion_mm(instrument);
+  if (!pusher.has_coils()) return most_mm;
+  const double around_mm = pose(furthest_around(instrument)).insertion_mm;
+  if (pusher.is_attached && pusher.sac && !pusher.is_in_sac) return pose(instrument).insertion_mm;
+  if (pusher.is_attached && !pusher.is_in_sac) return std::min(most_mm, around_mm);
+  return std::min(most_mm, around_mm + pusher.ahead_mm());
+}
+
+/// Of its rod, behind the coil.
+double Instruments::rod_insertion_mm(std::size_t instrument) const {
+  return std::max(0.0, pose(instrument).insertion_mm - pushers_[instrument].ahead_mm());
+}
+
+void Instruments::push_coil(std::size_t instrument) {
+  CoilPusher& pusher = pushers_[instrument];
+  if (!pusher.is_attached) {
+    pusher.refuse_detaching(pose(instrument).detach, 0, time_s());
+    if (is_drawn_back(instrument)) pusher.take_next();
+    return;
+  }
+  const std::size_t around = furthest_around(instrument);
+  const double out_mm = pose(instrument).insertion_mm - pose(around).insertion_mm;
+  const std::optional<std::size_t> sac = sac_at_tip(around, pusher.coil().wire_mm);
+  if (!pusher.sac && sac && out_mm > 0 && !packs_[*sac].has_attached()) {
+    const InstrumentTip from = tip(around);
+    packs_[*sac].begin({.model = pusher.coil(),
+                        .instrument = instrument,
+                        .device = rod(instrument).instrument().name(),
+                        .from_s = time_s()},
+                       from.scan_mm, from.direction);
+    pusher.sac = sac;
+  }
+  pusher.is_in_sac = pusher.sac ? sac == pusher.sac : sac && !packs_[*sac].has_attached();
+  if (!pusher.sac) {
+    pusher.refuse_detaching(pose(instrument).detach, 0, time_s());
+    return;
+  }
+  CoilPack& pack = packs_[*pusher.sac];
+  const double laid_mm = pack.coils().back().laid_mm;
+  const double most_mm = pusher.is_in_sac ? pusher.coil().length_mm : laid_mm;
+  const double now_mm = std::clamp(out_mm, 0.0, most_mm);
+  if (now_mm != laid_mm) {
+    pack.lay_to(now_mm);
+    ++coil_changes_;
+  }
+  if (now_mm <= 0) {
+    pusher.sac.reset();
+  } else if (pusher.detaches(pose(instrument).detach, now_mm, time_s())) {
+    pack.detach(time_s());
+    pusher.sac.reset();
+    ++coil_changes_;
+  }
+}
+
+std::optional<PushedCoil> Instruments::pushed_coil(std::size_t instrument) const {
+  const CoilPusher& pusher = pushers_[instrument];
+  if (!pusher.is_attached) return {};
+  const std::size_t around = furthest_around(instrument);
+  return PushedCoil{.model = pusher.coil(),
+                    .around = around,
+                    .out_mm = pose(instrument).insertion_mm - pose(around).insertion_mm,
+                    .laid_mm = pusher.sac ? packs_[*pusher.sac].coils().back().laid_mm : 0,
+                    .is_in_sac = pusher.is_in_sac};
+}
+
+void Instruments::push_coils() {
+  for (std::size_t d = 0; d < count(); ++d)
+    if (pushers_[d].has_coils()) push_coil(d);
 }
 
 double Instruments::energy_J() const {

@@ -6,6 +6,8 @@
 #include "xraycast/catheter/vessel_entry.hpp"
 #include "xraycast/catheter/wall_contact.hpp"
 #include "xraycast/coaxial/coaxial_rods.hpp"
+#include "xraycast/coaxial/coil_pack.hpp"
+#include "xraycast/coaxial/coil_pusher.hpp"
 #include "xraycast/coaxial/treatment.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mechanics/instrument_model.hpp"
@@ -20,7 +22,7 @@
 
 namespace xraycast {
 
-/// How far an instrument can be inserted: its length beyond the introducer.
+/// How far an instrument can be inserted: its length beyond the introducer, and that of a coil ahead of it.
 double max_insertion_mm(const InstrumentModel& model);
 std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models);
 
@@ -46,6 +48,11 @@ struct InstrumentContact {
 /// All enter at a vessel's end through an introducer, a straight sheath of 20 mm outside the tree; the rods
 /// are simulated from the introducer's outer end to their tips and fed in and out there. At an insertion of 0
 /// a tip is at the vessel's end. The introducer holds the outermost instrument, which holds the others.
+///
+/// A wire that pushes a coil begins with the coil's far end: of its insertion, the coil's length is ahead of
+/// its own tip, through the instruments around it. The coil comes out of the one that reaches furthest, and
+/// only in the sac of an aneurysm: elsewhere the hub does not advance further. It is laid down there
+/// (CoilPack), and detached once all of it is out. Drawn back to 0, the wire has the next one.
 ///
 /// In a body that moves, instruments lie in the body at its instant, and the tree in the scan. The introducer
 /// stays in the patient's frame where the entry is as they are put in.
@@ -85,7 +92,8 @@ class Instruments {
       : Instruments(tree, instruments, entry, Options{}) {}
 
   /// One step in time towards a pose for each instrument, whose insertion is clamped to 0 to
-  /// max_insertion_mm(), its pressure to what its balloon bears, and its release to its stent's length.
+  /// max_insertion_mm(), its pressure to what its balloon bears, and its release to its stent's length. A
+  /// coil is detached as `detach` comes to the next whole number; see CoilPusher.
   void step(std::span<const HubPose> targets) { step(targets, phases()); }
   /// The same while the body moves to these phases, one a mode, where it has a motion.
   void step(std::span<const HubPose> targets, std::span<const double> phases);
@@ -96,6 +104,14 @@ class Instruments {
   double time_s() const { return static_cast<double>(steps_) * options_.step_s; }
   double step_s() const { return options_.step_s; }
   double max_insertion_mm(std::size_t instrument) const;
+
+  /// What lies in the sacs of the tree's aneurysms, and how often that has changed.
+  std::span<const CoilPack> coil_packs() const { return packs_; }
+  long coil_changes() const { return coil_changes_; }
+  /// Of a wire that pushes coils; one without any has none to push.
+  const CoilPusher& coil_pusher(std::size_t instrument) const { return pushers_[instrument]; }
+  /// The coil on it; none without one.
+  std::optional<PushedCoil> pushed_coil(std::size_t instrument) const;
 
   const HubPose& pose(std::size_t instrument) const { return hubs_[instrument].pose; }  ///< where the hub is
   /// The hub did not advance: the push force is MovingHub::kMaxPush_N already. Without an instrument, any of
@@ -178,6 +194,12 @@ class Instruments {
   std::vector<Rod> make_rods(const std::vector<InstrumentModel>& instruments) const;
   std::unique_ptr<WallContact> make_wall(const CoaxialRods& rods, std::size_t instrument) const;
   static void settle(CoaxialRods& rods);
+  std::size_t furthest_around(std::size_t instrument) const;
+  std::optional<std::size_t> sac_at_tip(std::size_t instrument, double wire_mm) const;
+  double largest_insertion_mm(std::size_t instrument) const;
+  double rod_insertion_mm(std::size_t instrument) const;
+  void push_coils();
+  void push_coil(std::size_t instrument);
   bool is_out(std::size_t instrument, double from_tip_mm) const;
   std::vector<AxisPlace> axis_places(std::size_t instrument, double first_mm, double last_mm) const;
   Treatments::Place place_of_balloon(std::size_t instrument) const;
@@ -201,12 +223,15 @@ class Instruments {
   std::vector<MovingHub> hubs_;
   std::vector<BalloonState> balloons_;
   std::vector<SheathState> sheaths_;
+  std::vector<CoilPack> packs_;  ///< of each sac
+  std::vector<CoilPusher> pushers_;
+  long coil_changes_ = 0;
   long vessel_changes_ = 0;
   long steps_ = 0;
 };
 
 /// Throws InputError unless there are one to Instruments::kMaxCount, the outermost first, and each
-/// fits into those around it.
+/// fits into those around it; and for coils without an instrument around them.
 void check_instruments(const std::vector<InstrumentModel>& instruments);
 
 }  // namespace xraycast

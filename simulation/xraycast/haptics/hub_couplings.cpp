@@ -17,6 +17,7 @@ void HubCouplings::replace(std::size_t hub, const HubPose& at, double max_insert
   max_insertions_mm_[hub] = max_insertion_mm;
   inflate(hub, at.inflation_bar);
   draw_sheath(hub, at.release_mm);
+  detach(hub, at.detach);
   release(hub, at);
 }
 
@@ -30,6 +31,7 @@ std::span<const HubPose> HubCouplings::step(std::span<const HubPose> hubs, std::
   for (std::size_t hub = 0; hub < hubs.size(); ++hub) {
     targets_[hub].inflation_bar = inflation_bar(hub);
     targets_[hub].release_mm = sheath_mm(hub);
+    targets_[hub].detach = detachments(hub);
   }
   return targets_;
 }

@@ -37,6 +37,10 @@ class HubCouplings {
   }
   double sheath_mm(std::size_t hub) const { return wants_release_mm_[hub].load(std::memory_order_relaxed); }
 
+  /// How many coils of a hub's wire are to be detached so far; see HubPose.
+  void detach(std::size_t hub, double count) { wants_detached_[hub].store(count, std::memory_order_relaxed); }
+  double detachments(std::size_t hub) const { return wants_detached_[hub].load(std::memory_order_relaxed); }
+
   /// Another instrument's hub, at a pose, instead of one; hand, pressure and sheath go on from there. For the
   /// thread that steps.
   void replace(std::size_t hub, const HubPose& at, double max_insertion_mm);
@@ -58,7 +62,7 @@ class HubCouplings {
   std::vector<VirtualCoupling> couplings_;
   std::vector<HubPose> targets_;
   std::atomic<bool> wants_lock_{false};
-  std::array<std::atomic<double>, kMaxHubs> wants_bar_{}, wants_release_mm_{};
+  std::array<std::atomic<double>, kMaxHubs> wants_bar_{}, wants_release_mm_{}, wants_detached_{};
   bool is_locked_ = false;
   std::size_t leader_ = 0;
 };

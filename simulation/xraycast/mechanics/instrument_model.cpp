@@ -204,6 +204,23 @@ std::optional<std::vector<MarkerModel>> markers_of(const Json& json, const std::
   return markers;
 }
 
+std::vector<CoilModel> coils_of(const Json& json, const std::string& origin) {
+  if (!json.contains("coils")) return {};
+  if (!json["coils"].is_array())
+    throw InputError("{}: \"coils\" must be a list of objects, in the order in which they are pushed",
+                     origin);
+  std::vector<CoilModel> coils;
+  for (const Json& part : json["coils"]) {
+    const std::string where = fmt::format("{}: coils[{}]", origin, coils.size());
+    if (!part.is_object()) throw InputError("{}: not an object", where);
+    coils.push_back({.loop_mm = number(part, where, "loop_mm"),
+                     .length_mm = number(part, where, "length_mm"),
+                     .wire_mm = number(part, where, "wire_mm")});
+  }
+  if (coils.empty()) throw InputError("{}: \"coils\" is empty; give one, or leave it out", origin);
+  return coils;
+}
+
 double length_of(const std::vector<InstrumentSection>& sections) {
   double length_mm = 0;
   for (const InstrumentSection& section : sections) length_mm += section.length_mm;
@@ -235,6 +252,18 @@ void check_sheathed_stent(const InstrumentModel::Properties& p, double length_mm
   if (end_mm > length_mm)
     throw InputError("{}: stent: ends {:.1f} mm from the tip, beyond the {:g} mm of the sections", origin,
                      end_mm, length_mm);
+}
+
+void check_coils(const InstrumentModel::Properties& p, const std::string& origin) {
+  for (std::size_t i = 0; i < p.coils.size(); ++i) {
+    const std::string where = fmt::format("{}: coils[{}]", origin, i);
+    xraycast::check(p.coils[i], where);
+    check(p.coils[i].wire_mm, p.coils[i].wire_mm <= 2 * p.radius_mm, where, "wire_mm",
+          "that is thicker than the wire that pushes it, twice \"radius_mm\"");
+  }
+  if (!p.coils.empty() && p.inner_radius_mm > 0)
+    throw InputError("{}: both \"coils\" and a lumen; a wire pushes coils, so leave \"inner_radius_mm\" out",
+                     origin);
 }
 
 void check_stent(const InstrumentModel::Properties& p, double length_mm, const std::string& origin) {
@@ -282,6 +311,7 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
   }
   check(length_mm_, length_mm_ <= 5000, origin, "length_mm", "that is more than 5 m in all");
   check_stent(p, length_mm_, origin);
+  check_coils(p, origin);
   xraycast::check(p.markers, p.radius_mm, p.inner_radius_mm, length_mm_, origin);
   if (!p.balloon) return;
   xraycast::check(*p.balloon, 2 * p.radius_mm, origin);
@@ -325,6 +355,7 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
   }
   p.balloon = balloon_of(json, origin);
   p.stent = stent_of(json, origin);
+  p.coils = coils_of(json, origin);
   if (auto markers = markers_of(json, origin))
     p.markers = *std::move(markers);
   else
@@ -333,6 +364,12 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
 }
 
 double InstrumentModel::crimped_mm() const { return stent() ? xraycast::crimped_mm(properties_) : 0; }
+
+double InstrumentModel::longest_coil_mm() const {
+  double longest_mm = 0;
+  for (const CoilModel& coil : coils()) longest_mm = std::max(longest_mm, coil.length_mm);
+  return longest_mm;
+}
 
 double InstrumentModel::balloon_radius_mm(double bar) const {
   return balloon() ? 0.5 * balloon()->diameter_at_mm(bar, 2 * radius_mm()) : radius_mm();

@@ -1,11 +1,14 @@
 #pragma once
 
 #include "xraycast/mechanics/balloon_model.hpp"
+#include "xraycast/mechanics/coil_model.hpp"
 #include "xraycast/mechanics/marker_model.hpp"
 #include "xraycast/mechanics/stent_model.hpp"
 
 #include <glm/vec2.hpp>
 
+#include <algorithm>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,6 +41,8 @@ class InstrumentModel {
     std::optional<BalloonModel> balloon{};
     std::optional<StentModel> stent{};  ///< on the balloon, until that opens it; or in a sheath
     std::vector<MarkerModel> markers{};
+    /// That it pushes ahead of its tip, one after the other, the last one again and again: it is a pusher.
+    std::vector<CoilModel> coils{};
   };
 
   /// Throws InputError, with `origin` in front, for a number that is not finite or out of its range: no
@@ -45,7 +50,7 @@ class InstrumentModel {
   /// one above the static one, a curvature of more than 1/(2 radius), and a balloon as `check` of it, or that
   /// reaches beyond the instrument's length, and a stent as `check` of it, longer than its balloon, without
   /// balloon and forces of its own, or with both, or that has no room in its sheath;
-  /// and markers as `check` of them.
+  /// and markers as `check` of them; and coils as `check` of them, or thicker than it, or with a lumen.
   InstrumentModel(Properties properties, const std::string& origin);
 
   /// Reads {"name", "radius_mm", "density_g_cm3", "inner_radius_mm" (0 without), "axial_stiffness_N",
@@ -58,7 +63,8 @@ class InstrumentModel {
   /// "chart": [[bar, mm], ...]}, and on it a "stent": {"diameter_mm", "length_mm", "rings", "crowns",
   /// "links", "link_mm", "strut_mm"}; without a balloon the stent has "from_tip_mm" and "outward_N_mm": [[mm,
   /// N/mm], ...] besides. "markers": [{"length_mm", "from_tip_mm" (0 without), "material" ("platinum"
-  /// without), "thickness_mm" (0.05 without)}, ...]; without, usual_markers(). Throws InputError naming
+  /// without), "thickness_mm" (0.05 without)}, ...]; without, usual_markers(). "coils": [{"loop_mm",
+  /// "length_mm", "wire_mm"}, ...]. Throws InputError naming
   /// `origin` and the field.
   static InstrumentModel from_json(const std::string& text, const std::string& origin);
 
@@ -80,6 +86,11 @@ class InstrumentModel {
   const std::optional<BalloonModel>& balloon() const { return properties_.balloon; }
   const std::optional<StentModel>& stent() const { return properties_.stent; }
   const std::vector<MarkerModel>& markers() const { return properties_.markers; }
+  const std::vector<CoilModel>& coils() const { return properties_.coils; }
+  bool has_coils() const { return !coils().empty(); }
+  /// The one that it pushes after so many; it must have coils.
+  const CoilModel& coil(std::size_t after) const { return coils()[std::min(after, coils().size() - 1)]; }
+  double longest_coil_mm() const;  ///< 0 without coils
   /// Whether it has a stent that opens as its sheath is drawn back.
   bool has_sheath() const { return stent() && stent()->expands_itself(); }
   /// Of the middle of its stent's struts: on the folded balloon, or in the sheath, whose wall is as thick as

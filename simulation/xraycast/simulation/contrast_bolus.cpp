@@ -4,12 +4,11 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <numeric>
 
 namespace xraycast {
 namespace {
 
-constexpr double kShortestStep_s = 5e-4;
+constexpr double kShortestStep_s = 5e-4, kMl_in_mm3 = 1e-3;
 
 /// A child starts at its parent's end; a little further on it has its own width.
 double width_mm(const VesselBranch& branch) { return branch.points[branch.points.size() / 2].radius_mm; }
@@ -37,6 +36,7 @@ ContrastBolus::ContrastBolus(const VesselTree& tree, const Blood& blood)
     vessels_.emplace_back(branch, n, blood.diffusivity_mm2_s, kShortestStep_s * fastest_ml_s);
     iodine_mg_ml_.emplace_back(branch.points.size() - 1);
   }
+  for (const AneurysmSac& sac : flow_.sacs()) sacs_.emplace_back(kMl_in_mm3 * sac.volume_mm3());
 }
 
 /// As it has been in the flow's last step.
@@ -47,7 +47,22 @@ void ContrastBolus::set_flow(const VesselTree::Location& tip, double ml_s, doubl
   const bool injects = ml_s > 0 && gained_ml_s > 0.5 * ml_s;
   if (injects) source_ = {vessels_[injected].cell_at(tip.arc_length_mm), ml_s, mg_ml};
   for (std::size_t b = 0; b < vessels_.size(); ++b)
-    vessels_[b].set_flow(flow_.end_ml_s(b), injects && b == injected ? &source_ : nullptr);
+    vessels_[b].set_flow(flow_.end_ml_s(b), injects && b == injected && !sac_at(b) ? &source_ : nullptr);
+  for (std::size_t s = 0; s < sacs_.size(); ++s) {
+    const bool takes = injects && flow_.sacs()[s].branch == tip.branch;
+    sacs_[s].set_flow(flow_.sac_ml_s(s), takes ? ml_s : 0, mg_ml);
+  }
+}
+
+const MixedSac* ContrastBolus::sac_at(std::size_t branch) const {
+  for (std::size_t s = 0; s < sacs_.size(); ++s)
+    if (static_cast<std::size_t>(flow_.sacs()[s].branch) == branch) return &sacs_[s];
+  return nullptr;
+}
+
+void ContrastBolus::pack(std::size_t sac, const CoilBed& bed) {
+  flow_.pack(sac, bed);
+  sacs_[sac].set_volume_ml(kMl_in_mm3 * (1 - bed.packing) * flow_.sacs()[sac].volume_mm3());
 }
 
 double ContrastBolus::longest_step_s() const {
@@ -72,11 +87,18 @@ void ContrastBolus::advect(double time_s) {
     start.entering_mg += vessel.leaving_start_mg(time_s);
     start.leaving_ml += std::max(0.0, vessel.start_ml_s()) * time_s;
     end.entering_mg += vessel.leaving_end_mg(time_s);
-    end.leaving_ml += std::max(0.0, -vessel.end_ml_s()) * time_s;
+    end.leaving_ml +=
+        (flow_.is_outlet(b) ? std::abs(vessel.end_ml_s()) : std::max(0.0, -vessel.end_ml_s())) * time_s;
+  }
+  for (std::size_t s = 0; s < sacs_.size(); ++s) {
+    Junction& junction = junctions_[start_of(static_cast<std::size_t>(flow_.sacs()[s].branch))];
+    const double leaving_mg = sacs_[s].leaving_mg(time_s);
+    junction.entering_mg -= sacs_[s].advance(time_s, junction.mg_ml());
+    junction.entering_mg += leaving_mg;
   }
   washed_out_mg_ += junctions_[root_start].entering_mg;
   for (std::size_t b = 0; b < vessels_.size(); ++b) {
-    if (tree_.branches()[b].children.empty()) washed_out_mg_ += junctions_[b].entering_mg;
+    if (flow_.is_outlet(b)) washed_out_mg_ += junctions_[b].entering_mg;
     vessels_[b].advect(time_s, junctions_[start_of(b)].mg_ml(), junctions_[b].mg_ml());
   }
 }
@@ -94,21 +116,29 @@ void ContrastBolus::step(double time_s, const VesselTree::Location& tip, double 
   for (std::size_t b = 0; b < vessels_.size(); ++b) {
     vessels_[b].diffuse(time_s);
     washed_out_mg_ += vessels_[b].drop_traces_mg();
+  }
+  copy_means();
+}
+
+void ContrastBolus::copy_means() {
+  for (std::size_t b = 0; b < vessels_.size(); ++b) {
     vessels_[b].copy_means(iodine_mg_ml_[b]);
+    if (const MixedSac* sac = sac_at(b))
+      std::fill(iodine_mg_ml_[b].begin(), iodine_mg_ml_[b].end(), sac->mg_ml());
   }
 }
 
 void ContrastBolus::take_radii(const VesselTree& tree) {
   flow_.set_lumens(tree);
-  for (std::size_t b = 0; b < vessels_.size(); ++b) {
-    vessels_[b].take_radii(tree.branches()[b]);
-    vessels_[b].copy_means(iodine_mg_ml_[b]);
-  }
+  for (std::size_t b = 0; b < vessels_.size(); ++b) vessels_[b].take_radii(tree.branches()[b]);
+  copy_means();
 }
 
 double ContrastBolus::in_tree_mg() const {
-  return std::accumulate(vessels_.begin(), vessels_.end(), 0.0,
-                         [](double sum, const LaminarVessel& vessel) { return sum + vessel.in_vessel_mg(); });
+  double sum_mg = 0;
+  for (const LaminarVessel& vessel : vessels_) sum_mg += vessel.in_vessel_mg();
+  for (const MixedSac& sac : sacs_) sum_mg += sac.in_sac_mg();
+  return sum_mg;
 }
 
 }  // namespace xraycast

@@ -3,6 +3,7 @@
 #include "xraycast/blood_flow/tree_flow.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/simulation/laminar_vessel.hpp"
+#include "xraycast/simulation/mixed_sac.hpp"
 
 #include <vector>
 
@@ -20,6 +21,7 @@ namespace xraycast {
 /// the radius to the thickness of the oscillating boundary layer, between 2, a parabola, and 9, as measured
 /// in arteries (Smith et al., SIAM J Appl Math 62:990, 2002). At bifurcations the laminae mix. In arteries
 /// the time of Taylor's dispersion is minutes, so that a bolus spreads by the profile's shear.
+/// An aneurysm is a MixedSac at the bifurcation where it leaves its vessel.
 class ContrastBolus {
  public:
   ContrastBolus(const VesselTree& tree, const Blood& blood);
@@ -32,6 +34,9 @@ class ContrastBolus {
   /// The vessels have other radii, as where walls have yielded: those of a tree with the same points. Iodine
   /// stays where it is, in more or less blood, and the blood flows as the new radii let it.
   void take_radii(const VesselTree& tree);
+
+  /// The coils in a sac of flow().sacs() from now on, among which there is less room for blood.
+  void pack(std::size_t sac, const CoilBed& bed);
 
   /// Iodine concentration in every branch's segments, one fewer than its points.
   const std::vector<std::vector<double>>& iodine_mg_ml() const { return iodine_mg_ml_; }
@@ -51,18 +56,21 @@ class ContrastBolus {
  private:
   /// A branch's end, or the root's start.
   struct Junction {
-    double entering_mg = 0, leaving_ml = 0;  ///< in a step
+    double entering_mg = 0, leaving_ml = 0;  ///< in a step, into vessels and the periphery
     double mg_ml() const { return leaving_ml > 0 ? entering_mg / leaving_ml : 0; }
   };
 
+  const MixedSac* sac_at(std::size_t branch) const;
+  void copy_means();
   double longest_step_s() const;
   void set_flow(const VesselTree::Location& tip, double ml_s, double mg_ml);
   void advect(double time_s);
 
   const VesselTree& tree_;
   TreeFlow flow_;
-  std::vector<LaminarVessel> vessels_;
-  std::vector<Junction> junctions_;  ///< the branches' ends, then the root's start
+  std::vector<LaminarVessel> vessels_;  ///< those of sacs stay empty
+  std::vector<MixedSac> sacs_;          ///< of flow_.sacs()
+  std::vector<Junction> junctions_;     ///< the branches' ends, then the root's start
   std::vector<std::vector<double>> iodine_mg_ml_;
   LaminarVessel::Source source_;
   double washed_out_mg_ = 0;

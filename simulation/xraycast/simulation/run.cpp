@@ -17,6 +17,18 @@ namespace {
 constexpr double kRounding_s = 1e-9;       // by which times of steps and rows differ
 constexpr double kLeastInterval_s = 1e-3;  // a step
 
+std::optional<RunRecord::Coil> coil_of(const Instruments& instruments, std::size_t d) {
+  const CoilPusher& pusher = instruments.coil_pusher(d);
+  if (!pusher.has_coils()) return {};
+  RunRecord::Coil coil{.detached = pusher.detached};
+  for (const CoilPack& pack : instruments.coil_packs()) {
+    if (pack.coils().empty() || pack.coils().back().instrument != d) continue;
+    coil.packing = pack.packing();
+    if (pack.has_attached()) coil.out_mm = pack.coils().back().laid_mm;
+  }
+  return coil;
+}
+
 RunRecord record_of(double time_s, const Instruments& instruments, std::size_t d) {
   RunRecord record{.time_s = time_s,
                    .pose = instruments.pose(d),
@@ -26,6 +38,7 @@ RunRecord record_of(double time_s, const Instruments& instruments, std::size_t d
                    .balloon_bar = instruments.balloon_bar(d),
                    .balloon_mm = 2 * instruments.balloon_radius_mm(d),
                    .free_rings = {},
+                   .coil = coil_of(instruments, d),
                    .phases = {}};
   if (const InstrumentModel& model = instruments.rod(d).instrument(); model.has_sheath())
     record.free_rings = model.stent()->rings - instruments.carried_rings(d);
@@ -112,6 +125,41 @@ void check_releases(const Script& script, const std::vector<InstrumentModel>& in
       throw InputError("{}; the stent of {} is {:.1f} mm long in its sheath: draw that back by no more",
                        drawn, instruments[d].name(), std::floor(10 * instruments[d].max_release_mm()) / 10);
     }
+}
+
+void check_detachments(const Script& script, const std::vector<InstrumentModel>& instruments) {
+  for (std::size_t r = 0; r < script.rows().size(); ++r)
+    for (std::size_t d = 0; d < instruments.size(); ++d)
+      if (const double count = script.rows()[r].pose_of(d).detach; count > 0 && !instruments[d].has_coils())
+        throw InputError("{}: {} {:g}; {} has no coils: leave the column out, or take coil-10x30, say",
+                         script.where(r), detach_column(d), count, instruments[d].name());
+}
+
+/// The largest sac of the tree has room for each of them, and is as wide as its loops or nearly so.
+void check_coils(const RunRequest& request) {
+  constexpr double kWider = 1.5, kPercent = 100;
+  for (const InstrumentModel& model : request.instruments) {
+    if (!model.has_coils()) continue;
+    std::optional<AneurysmSac> largest;
+    for (const AneurysmSac& sac : sacs_of(*request.tree))
+      if (!largest || sac.radius_mm > largest->radius_mm) largest = sac;
+    if (!largest)
+      throw InputError(
+          "{}: the tree has no aneurysm that its coils could fill; add one by `xraycast edit --aneurysm`",
+          model.name());
+    for (const CoilModel& coil : model.coils()) {
+      if (coil.loop_mm > kWider * 2 * largest->radius_mm)
+        throw InputError(
+            "{}: loops of {:g} mm are too wide for the tree's widest aneurysm, {:.1f} mm; take a smaller "
+            "coil",
+            model.name(), coil.loop_mm, 2 * largest->radius_mm);
+      if (const double share = coil.volume_mm3() / largest->volume_mm3(); share > CoilPack::kDensest)
+        throw InputError(
+            "{}: a coil of {:g} mm would fill {:.0f} % of the tree's widest aneurysm, and {:.0f} % is the "
+            "most; take a shorter one",
+            model.name(), coil.length_mm, kPercent * share, kPercent * CoilPack::kDensest);
+    }
+  }
 }
 
 void check_stents(const RunRequest& request) {
@@ -232,9 +280,34 @@ std::vector<std::string> notes_on_stents(const Instruments& instruments) {
   return notes;
 }
 
+/// On coils that were not detached as they were to be, or held back where there is no sac.
+std::vector<std::string> notes_on_coils(const Instruments& instruments) {
+  constexpr double kNoticed_s = 0.05;
+  std::vector<std::string> notes;
+  for (std::size_t d = 0; d < instruments.count(); ++d) {
+    const CoilPusher& pusher = instruments.coil_pusher(d);
+    const std::string& name = instruments.rod(d).instrument().name();
+    for (const CoilPusher::Refused& refused : pusher.refused)
+      notes.push_back(refused.length_mm > 0 ? fmt::format("{}: a coil was not detached, because only {:.0f} "
+                                                          "of its {:.0f} mm lay in an aneurysm; push "
+                                                          "all of it out of its catheter there first",
+                                                          name, refused.laid_mm, refused.length_mm)
+                                            : fmt::format("{}: no coil was detached, because none was on the "
+                                                          "wire; draw it back to 0 for the next one",
+                                                          name));
+    if (pusher.held_back_s >= kNoticed_s)
+      notes.push_back(
+          fmt::format("{}: its coil was held back for {:.1f} s, because the tip that it comes out of was in "
+                      "no aneurysm; lead that tip into one first",
+                      name, pusher.held_back_s));
+  }
+  return notes;
+}
+
 bool is_at(const HubPose& hub, const HubPose& pose) {
   return hub.insertion_mm == pose.insertion_mm && hub.rotation_rad == pose.rotation_rad &&
-         hub.inflation_bar == pose.inflation_bar && hub.release_mm == pose.release_mm;
+         hub.inflation_bar == pose.inflation_bar && hub.release_mm == pose.release_mm &&
+         hub.detach == pose.detach;
 }
 
 /// Watches hubs on their way to a row's poses.
@@ -292,6 +365,7 @@ constexpr const char* kMotionColumns = ",tip{0}_scan_x_mm,tip{0}_scan_y_mm,tip{0
 
 constexpr const char* kBalloonColumns = ",inflation{0}_bar,balloon{0}_mm";
 constexpr const char* kSheathColumns = ",release{0}_mm,free_rings{0}";
+constexpr const char* kCoilColumns = ",coil{0}_mm,detached{0},packing{0}";
 
 double part(double value) {
   constexpr int kDecimals = 6;
@@ -340,8 +414,10 @@ std::vector<std::string> check(const RunRequest& request) {
     check_lengths(*request.script, request.instruments);
     check_inflations(*request.script, request.instruments);
     check_releases(*request.script, request.instruments);
+    check_detachments(*request.script, request.instruments);
   }
   check_stents(request);
+  check_coils(request);
   check_injection(request);
   check(request.blood);
   std::vector<std::string> notes = notes_on_entry(request, entry);
@@ -444,7 +520,9 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   });
   run.last = records_of(instruments, instruments.time_s(), &blood);
   run.treatments = instruments.treatments().list();
+  run.coilings = coilings_of(instruments, flows_past_sacs(*request.tree));
   run.notes = notes_on_stents(instruments);
+  for (std::string& note : notes_on_coils(instruments)) run.notes.push_back(std::move(note));
   constexpr double kNoticed_s = 0.05;
   if (run.not_inflated_s >= kNoticed_s)
     run.notes.push_back(fmt::format(
@@ -472,6 +550,7 @@ std::string to_csv(const Run& run) {
     if (moves) csv += columns_of(kMotionColumns, d);
     if (run.records.front()[d].balloon_mm > 0) csv += columns_of(kBalloonColumns, d);
     if (run.records.front()[d].free_rings) csv += columns_of(kSheathColumns, d);
+    if (run.records.front()[d].coil) csv += columns_of(kCoilColumns, d);
   }
   if (!run.records.empty()) csv += ",aortic_mmHg";
   csv += '\n';
@@ -483,6 +562,9 @@ std::string to_csv(const Run& run) {
       if (moves) csv += motion_values_of(record);
       if (record.balloon_mm > 0) csv += fmt::format(",{:.6g},{:.6g}", record.balloon_bar, record.balloon_mm);
       if (record.free_rings) csv += fmt::format(",{:.6g},{}", record.pose.release_mm, *record.free_rings);
+      if (record.coil)
+        csv += fmt::format(",{:.6g},{},{:.6g}", record.coil->out_mm, record.coil->detached,
+                           record.coil->packing);
     }
     csv += fmt::format(",{:.6g}\n", row.front().aortic_mmHg);
   }

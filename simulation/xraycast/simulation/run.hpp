@@ -4,6 +4,7 @@
 #include "xraycast/blood_flow/blood.hpp"
 #include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/motion/body_request.hpp"
+#include "xraycast/simulation/coiling.hpp"
 #include "xraycast/simulation/injection.hpp"
 #include "xraycast/simulation/instrument_pressures.hpp"
 #include "xraycast/simulation/script.hpp"
@@ -38,7 +39,8 @@ struct RunRequest {
 /// Throws InputError for what cannot be run: no tree, instruments that do not fit into each other or into the
 /// vessel at their entry, a script that inserts one beyond its length or inflates what is no balloon or one
 /// beyond its rated burst pressure, draws back a sheath that is none or beyond its stent, a stent longer than
-/// any vessel, an injection through no lumen or after the script's end, and a body that cannot be (see check
+/// any vessel, detachments of what has no coils, coils where the tree has no aneurysm or none that is large
+/// enough, an injection through no lumen or after the script's end, and a body that cannot be (see check
 /// of BodyRequest). Returns notes: where the entry was not chosen, other ends that lie as low; an entry that
 /// the motion moves away from the introducer.
 std::vector<std::string> check(const RunRequest& request);
@@ -71,6 +73,13 @@ struct RunRecord {
   double balloon_bar = 0;           ///< as far as it is filled; see Instruments::balloon_bar
   double balloon_mm = 0;            ///< diameter of its balloon; 0 without one
   std::optional<int> free_rings{};  ///< of the stent in its sheath, those that left it; none without a sheath
+  /// Of a wire that pushes coils; none of another instrument.
+  struct Coil {
+    double out_mm = 0;   ///< of the coil on it, in the sac
+    int detached = 0;    ///< so far
+    double packing = 0;  ///< of the sac that the coil is in, or the last one; 0: of none
+  };
+  std::optional<Coil> coil{};
   double pressure_mmHg = kNoPressure,
          aortic_mmHg = kNoPressure;  ///< of the blood at the tip; without any no number
   std::vector<double> phases{};      ///< of the motion's modes; none without a motion
@@ -97,6 +106,7 @@ struct Run {
   std::vector<std::string> notes{};             ///< on the run, besides those of check()
   std::vector<std::string> modes{};             ///< of its motion, in the order of a record's phases
   std::vector<Treatment> treatments{};          ///< by balloons and stents
+  std::vector<Coiling> coilings{};              ///< by coils, as at the end
   std::vector<PressureSample> pressures{};  ///< a hundred a second, fewer in runs longer than kPressures_s
   static constexpr double kPressures_s = 300;
 };
@@ -112,7 +122,8 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
 /// CSV: a header with the columns' names and units, then a line per record; a group of columns an instrument:
 /// insertion_mm, insertion_2_mm and so on. Of a motion, the modes' phases follow the time, phase_heart and so
 /// on, and each group ends with the tip's place in the scan and the wall's work. An instrument with a balloon
-/// ends with inflation_bar and balloon_mm, one with a stent in a sheath with release_mm and free_rings.
+/// ends with inflation_bar and balloon_mm, one with a stent in a sheath with release_mm and free_rings,
+/// a wire that pushes coils with coil_mm, detached and packing.
 /// The last column is the aorta's pressure.
 std::string to_csv(const Run& run);
 

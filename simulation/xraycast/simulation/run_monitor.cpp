@@ -73,6 +73,21 @@ ReportJson json_of(const TreatmentFigures& f) {
   return json;
 }
 
+ReportJson json_of(const Coiling& c, const std::string& vessel) {
+  constexpr double kPercent = 100;
+  return {{"instrument", c.instrument + 1},
+          {"device", c.device},
+          {"vessel", vessel},
+          {"branch", c.branch},
+          {"from_s", c.from_s},
+          {"to_s", c.is_detached ? ReportJson(c.to_s) : ReportJson()},
+          {"coil_loop_mm", c.coil.loop_mm},
+          {"coil_mm", c.laid_mm},
+          {"sac_mm3", c.sac_mm3},
+          {"packing_percent", kPercent * c.packing},
+          {"inflow_percent", kPercent * c.inflow_share}};
+}
+
 ReportJson json_of(const ExerciseProgress& progress) {
   const ExerciseState& state = progress.state();
   ReportJson json{{"title", progress.exercise().title},       {"is_complete", state.is_complete()},
@@ -137,6 +152,8 @@ std::string RunMonitor::json(bool has_series) const {
     json["instruments"].push_back(json_of(figures.instruments[d], names_[d]));
   for (const TreatmentFigures& treatment : figures.treatments)
     json["treatments"].push_back(json_of(treatment));
+  for (const Coiling& coiling : figures.coilings)
+    json["treatments"].push_back(json_of(coiling, coiling.vessel));
   if (progress_) json["exercise"] = json_of(*progress_);
   if (!has_series) return json.dump();
   json["series"] = json_of(report_.series());

@@ -37,7 +37,8 @@ void RunReport::begin_window(Way& way, const HubPose& pose, const InstrumentTip&
   way.window_direction = tip.direction;
 }
 
-RunReport::RunReport(const Instruments& instruments) : moves_(instruments.count()) {
+RunReport::RunReport(const Instruments& instruments)
+    : past_sacs_ml_s_(flows_past_sacs(instruments.tree())), moves_(instruments.count()) {
   figures_.instruments.resize(instruments.count());
   series_.instruments.resize(instruments.count());
   for (std::size_t d = 0; d < instruments.count(); ++d) ways_.push_back(way_of(instruments, d));
@@ -68,6 +69,7 @@ void RunReport::add(const Instruments& instruments, const RunUse& use) {
     if (steps_ % kWindow_steps == 0) add_window(d, instruments);
   }
   add_treatments(instruments);
+  if (steps_ % kWindow_steps == 0) add_coilings(instruments);
   if (figures_.time_s >= static_cast<double>(series_.time_s.size()) * kSeries_s) add_series(instruments);
 }
 
@@ -89,8 +91,8 @@ bool RunReport::add_hub(std::size_t instrument, const Instruments& instruments) 
   const HubPose& pose = instruments.pose(instrument);
   const double moved_mm = pose.insertion_mm - way.before.insertion_mm,
                turned_rad = pose.rotation_rad - way.before.rotation_rad, step_s = instruments.step_s();
-  const bool treats =
-      pose.inflation_bar != way.before.inflation_bar || pose.release_mm != way.before.release_mm;
+  const bool treats = pose.inflation_bar != way.before.inflation_bar ||
+                      pose.release_mm != way.before.release_mm || pose.detach != way.before.detach;
   way.before = pose;
   figures.turned_rad += std::abs(turned_rad);
   if (way.insertion.turns_back(pose.insertion_mm, kTurnsBack_mm)) ++figures.reversals;
@@ -137,6 +139,18 @@ void RunReport::add_treatments(const Instruments& instruments) {
     figures.treatment = list[i];
     figures.vessel = instruments.tree().title(list[i].branch);
     if (list[i].is_over) figures.ended_s = figures_.time_s;
+  }
+}
+
+/// As they come out, and once more when they are detached.
+void RunReport::add_coilings(const Instruments& instruments) {
+  if (instruments.coil_changes() == coil_changes_) return;
+  coil_changes_ = instruments.coil_changes();
+  figures_.coilings = coilings_of(instruments, past_sacs_ml_s_);
+  const double ahead_s = instruments.time_s() - figures_.time_s;
+  for (Coiling& coiling : figures_.coilings) {
+    coiling.from_s = std::max(0.0, coiling.from_s - ahead_s);
+    coiling.to_s = std::max(0.0, coiling.to_s - ahead_s);
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/simulation/coiling.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -48,11 +49,12 @@ struct TreatmentFigures {
 };
 
 struct RunFigures {
-  double time_s = 0;  ///< since a hub moved first, or its pressure or sheath
+  double time_s = 0;  ///< since a hub moved first, or its pressure or sheath, or detached a coil
   double idle_s = 0;  ///< of that, in which no hub moved
   RunUse use;
   std::vector<InstrumentFigures> instruments;  ///< from the outermost on
   std::vector<TreatmentFigures> treatments{};  ///< in the order in which they began
+  std::vector<Coiling> coilings{};             ///< as they are; their times are those of the run
 };
 
 /// How a run went over its time, for plots: values of each instrument, `RunReport::kSeries_s` apart.
@@ -125,6 +127,7 @@ class RunReport {
   bool add_hub(std::size_t instrument, const Instruments& instruments);
   void add_loads(std::size_t instrument, const Instruments& instruments);
   void add_treatments(const Instruments& instruments);
+  void add_coilings(const Instruments& instruments);
   void add_window(std::size_t instrument, const Instruments& instruments);
   void add_series(const Instruments& instruments);
 
@@ -132,9 +135,11 @@ class RunReport {
   RunSeries series_;
   std::vector<Way> ways_;
   std::vector<InstrumentContact> contacts_;
+  std::vector<double> past_sacs_ml_s_;
   std::vector<bool> moves_;
   double wall_N_ = 0;
   bool is_series_cut_ = false;
+  long coil_changes_ = 0;            ///< that were added; see Instruments
   long steps_ = 0, idle_steps_ = 0;  ///< since a hub moved first
 };
 

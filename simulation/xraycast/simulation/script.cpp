@@ -6,6 +6,7 @@
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/catheter/hub.hpp"
+#include "xraycast/coaxial/coil_pusher.hpp"
 
 #include <fmt/ranges.h>
 
@@ -35,6 +36,10 @@ std::string column_of(std::size_t instrument, const char* quantity, const char* 
                          : fmt::format("{}_{}_{}", quantity, instrument + 1, unit);
 }
 
+std::string column_of_count(std::size_t instrument, const char* quantity) {
+  return instrument == 0 ? quantity : fmt::format("{}_{}", quantity, instrument + 1);
+}
+
 /// The time, then each instrument's insertion and rotation.
 std::vector<std::string> column_names(std::size_t instruments) {
   std::vector<std::string> names{"time_s"};
@@ -47,9 +52,9 @@ std::vector<std::string> column_names(std::size_t instruments) {
 
 std::string wanted_columns(const std::vector<std::string>& wanted) {
   const std::size_t instruments = (wanted.size() - 1) / 2;
-  return fmt::format("a script{} has {} and, of balloons, {}, of stents in sheaths, {}",
+  return fmt::format("a script{} has {} and, of balloons, {}, of stents in sheaths, {}, of coils, {}",
                      instruments > 1 ? fmt::format(" of {} instruments", instruments) : "",
-                     fmt::join(wanted, ","), inflation_column(0), release_column(0));
+                     fmt::join(wanted, ","), inflation_column(0), release_column(0), detach_column(0));
 }
 
 /// The instruments that a script's columns are for.
@@ -61,11 +66,11 @@ std::size_t instruments_in(const std::vector<std::string>& names) {
 
 bool is_of_treatment(const std::string& name, std::size_t instruments) {
   for (std::size_t d = 0; d < instruments; ++d)
-    if (name == inflation_column(d) || name == release_column(d)) return true;
+    if (name == inflation_column(d) || name == release_column(d) || name == detach_column(d)) return true;
   return false;
 }
 
-/// Throws InputError for columns besides those wanted and those of balloons and stents.
+/// Throws InputError for columns besides those wanted and those of balloons, stents and coils.
 void check_others(const std::vector<std::string>& names, const std::vector<std::string>& wanted,
                   const std::string& origin) {
   if (const std::size_t instruments = instruments_in(names); wanted.size() < column_names(instruments).size())
@@ -81,10 +86,10 @@ void check_others(const std::vector<std::string>& names, const std::vector<std::
   }
 }
 
-/// The index of each of the columns wanted, and of those of balloons and stents.
+/// The index of each of the columns wanted, and of those of balloons, stents and coils.
 struct Columns {
   std::vector<std::size_t> wanted;
-  std::vector<std::optional<std::size_t>> inflations, releases;  ///< one an instrument
+  std::vector<std::optional<std::size_t>> inflations, releases, detachments;  ///< one an instrument
   std::size_t count = 0;
 };
 Columns columns(const std::string& header, const std::vector<std::string>& wanted,
@@ -96,7 +101,7 @@ Columns columns(const std::string& header, const std::vector<std::string>& wante
     throw InputError(
         "{}: line 1: semicolons; separate columns by commas, and write decimals with a point, not a comma",
         origin);
-  Columns at{.wanted = {}, .inflations = {}, .releases = {}, .count = names.size()};
+  Columns at{.wanted = {}, .inflations = {}, .releases = {}, .detachments = {}, .count = names.size()};
   for (const std::string& name : wanted) {
     const auto found = std::ranges::find(names, name);
     if (found == names.end())
@@ -112,6 +117,7 @@ Columns columns(const std::string& header, const std::vector<std::string>& wante
   for (std::size_t d = 0; d < wanted.size() / 2; ++d) {
     at.inflations.push_back(find(inflation_column(d)));
     at.releases.push_back(find(release_column(d)));
+    at.detachments.push_back(find(detach_column(d)));
   }
   return at;
 }
@@ -174,6 +180,9 @@ void check_pace(const HubPose& from, const HubPose& to, double time_s, const std
     throw InputError(
         "{}: the sheath at {} would go back over its stent, from {:g} to {:g} mm; leave it where it is",
         where, hub, from.release_mm, to.release_mm);
+  if (to.detach < from.detach)
+    throw InputError("{}: the coils detached at {} go back from {:g} to {:g}; the column counts all so far",
+                     where, hub, from.detach, to.detach);
 }
 
 /// `names`: of the columns.
@@ -197,6 +206,11 @@ void check_row(const Script& script, std::size_t r, const std::vector<std::strin
     if (row.pose_of(d).release_mm < 0)
       throw InputError("{}: {} {} is below zero; at 0 all of a stent is in its sheath", where,
                        release_column(d), row.pose_of(d).release_mm);
+  for (std::size_t d = 0; d < instruments; ++d)
+    if (const double count = row.pose_of(d).detach;
+        !(count >= 0 && count <= CoilPusher::kMostDetached) || count != std::floor(count))
+      throw InputError("{}: {} {:g} is no whole number of 0 to {:g}; it counts the coils detached so far",
+                       where, detach_column(d), count, CoilPusher::kMostDetached);
   if (r == 0) return;
   const Script::Row& before = script.rows()[r - 1];
   if (!(row.time_s > before.time_s))
@@ -213,6 +227,8 @@ std::string insertion_column(std::size_t instrument) { return column_of(instrume
 std::string rotation_column(std::size_t instrument) { return column_of(instrument, "rotation", "deg"); }
 std::string inflation_column(std::size_t instrument) { return column_of(instrument, "inflation", "bar"); }
 std::string release_column(std::size_t instrument) { return column_of(instrument, "release", "mm"); }
+
+std::string detach_column(std::size_t instrument) { return column_of_count(instrument, "detach"); }
 
 Script Script::parse(const std::string& text, const std::string& origin, std::size_t instruments) {
   const std::vector<std::string> names = column_names(instruments);
@@ -250,6 +266,8 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
         pose.inflation_bar = number(values[*column], inflation_column(d), where);
       if (const auto& column = at.releases[d])
         pose.release_mm = number(values[*column], release_column(d), where);
+      if (const auto& column = at.detachments[d])
+        pose.detach = number(values[*column], detach_column(d), where);
     }
     rows.push_back(row);
   }
@@ -284,7 +302,7 @@ HubPose Script::pose_at(double time_s, std::size_t instrument) const {
   return {std::lerp(start.insertion_mm, end.insertion_mm, fraction),
           std::lerp(start.rotation_rad, end.rotation_rad, fraction),
           std::lerp(start.inflation_bar, end.inflation_bar, fraction),
-          std::lerp(start.release_mm, end.release_mm, fraction)};
+          std::lerp(start.release_mm, end.release_mm, fraction), start.detach};
 }
 
 }  // namespace xraycast

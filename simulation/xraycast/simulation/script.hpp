@@ -15,6 +15,7 @@ std::string insertion_column(std::size_t instrument);
 std::string rotation_column(std::size_t instrument);
 std::string inflation_column(std::size_t instrument);
 std::string release_column(std::size_t instrument);
+std::string detach_column(std::size_t instrument);
 
 /// A recorded motion of the hubs of coaxial instruments: poses at times, with linear interpolation.
 class Script {
@@ -35,12 +36,14 @@ class Script {
   /// CSV with the columns time_s,insertion_mm,rotation_deg and, with several `devices`, also
   /// insertion_2_mm,rotation_2_deg and so on, in any order, named in its first line; of balloons there may be
   /// inflation_bar,inflation_2_bar and so on, without which they stay folded, and of stents that open
-  /// themselves release_mm,release_2_mm and so on, how far their sheaths are drawn back; blank lines only at
-  /// its end. Throws InputError, naming `origin` and the line, for a missing column or value, a wrong number
-  /// of values, a value that is not a finite number, a time below zero, beyond kMaxTime_s or not after the
+  /// themselves release_mm,release_2_mm and so on, how far their sheaths are drawn back, and of wires that
+  /// push coils detach,detach_2 and so on, how many coils were to be detached so far; blank lines only at its
+  /// end. Throws InputError, naming `origin` and the line, for a missing column or value, a wrong number of
+  /// values, a value that is not a finite number, a time below zero, beyond kMaxTime_s or not after the
   /// previous one, an insertion or pressure below zero, a hub motion faster than MovingHub::kMaxSpeed_mm_s,
   /// rotation faster than MovingHub::kMaxSpeed_rad_s, inflation faster than MovingHub::kMaxInflation_bar_s, a
-  /// sheath faster than MovingHub::kMaxRelease_mm_s or that goes back, and a file without rows.
+  /// sheath faster than MovingHub::kMaxRelease_mm_s or that goes back, detachments that are no whole number
+  /// or go back, and a file without rows.
   static Script parse(const std::string& text, const std::string& origin, std::size_t instruments = 1);
 
   /// Of `devices` poses a row. Throws InputError as parse() does for values, naming the row.

@@ -118,6 +118,13 @@ void SimulationLoop::publish() {
     next_.treated = std::make_shared<const TreatedVessels>(
         TreatedVessels{instruments_->treatments().walls(), instruments_->treatments().stents()});
   }
+  if (instruments_->coil_changes() != coil_changes_) {
+    coil_changes_ = instruments_->coil_changes();
+    std::vector<CoiledSac> coiled;
+    for (const CoilPack& pack : instruments_->coil_packs())
+      coiled.push_back({pack.packing(), pack.wire_mm(), pack.coils()});
+    next_.coiled = std::make_shared<const std::vector<CoiledSac>>(std::move(coiled));
+  }
   publish(0, next_);
   for (std::size_t d = 1; d < instruments_->count(); ++d) publish(d, next_.inner[d - 1]);
   snapshots_.write(next_);
@@ -131,6 +138,7 @@ void SimulationLoop::publish(std::size_t instrument, InstrumentSnapshot& snapsho
   const auto lengths = instruments_->balloon_lengths(instrument);
   snapshot.balloon_lengths.assign(lengths.begin(), lengths.end());
   snapshot.carried_rings = instruments_->carried_rings(instrument);
+  snapshot.coil = instruments_->pushed_coil(instrument);
   snapshot.nodes_mm.reserve(instruments_->rod(instrument).max_nodes());
   snapshot.contacts.reserve(instruments_->rod(instrument).max_nodes());
   instruments_->copy_nodes(instrument, snapshot.nodes_mm);

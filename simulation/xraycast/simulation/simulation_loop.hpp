@@ -36,12 +36,19 @@ struct InstrumentSnapshot {
   double balloon_bar = 0;                               ///< see Instruments
   std::vector<YieldingWalls::Opening> balloon_lengths;  ///< likewise
   int carried_rings = 0;                                ///< likewise
+  std::optional<PushedCoil> coil;                       ///< likewise
 };
 
 /// What treatments made of the vessels.
 struct TreatedVessels {
   YieldingWalls walls;
   std::vector<PlacedStent> stents;
+};
+
+/// What coils made of the sacs of aneurysms, one a sac.
+struct CoiledSac {
+  double packing = 0, wire_mm = 0;  ///< see CoilPack
+  std::vector<LaidCoil> coils;
 };
 
 /// Why an exchange was refused, in one line that says what to do.
@@ -58,8 +65,9 @@ struct CatheterSnapshot : InstrumentSnapshot {
   std::shared_ptr<const ExchangeRefusal> refusal;  ///< of the last exchange; null: it was made, or none was
   std::int64_t exchanges = 0;                      ///< answered so far, made or refused
   std::optional<std::size_t> agent_outlet;
-  std::vector<double> phases;                     ///< of the body's motion; none without a motion
-  std::shared_ptr<const TreatedVessels> treated;  ///< another one after each change; null: none yet
+  std::vector<double> phases;                            ///< of the body's motion; none without a motion
+  std::shared_ptr<const TreatedVessels> treated;         ///< another one after each change; null: none yet
+  std::shared_ptr<const std::vector<CoiledSac>> coiled;  ///< likewise
   double time_s = 0;
   LoopTiming timing;
 
@@ -128,7 +136,7 @@ class SimulationLoop {
   Watch watch_;
   std::vector<HubPose> hubs_;
   std::vector<HubLoad> loads_;
-  long vessel_changes_ = 0;  ///< that were published
+  long vessel_changes_ = 0, coil_changes_ = 0;  ///< that were published
   CatheterSnapshot next_;
   TripleBuffer<CatheterSnapshot> snapshots_;
   double sum_ms_ = 0;

@@ -6,6 +6,7 @@
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/same_scan.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
+#include "xraycast/simulation/coiling.hpp"
 #include "xraycast/simulation/instrument_pressures.hpp"
 
 #include <algorithm>
@@ -77,6 +78,7 @@ bool RunCine::takes_frame(const Instruments& instruments, double time_s) {
   const bool exposes = is_exposed(time_s);
   if (time_s <= 0 || !(exposes || time_s >= next_flow_s_)) return false;
   take_walls(instruments);
+  take_coils(instruments, bolus_);
   const std::optional<std::size_t> outlet = agent_outlet(instruments);
   bolus_.flow().fill(fillings_of(tree_, instruments));
   inject(location_of(instruments.tip(outlet.value_or(0))), outlet.has_value(), time_s);
@@ -163,6 +165,7 @@ std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double
       surfaces.push_back(std::move(surface));
   }
   add_stents(instruments, surfaces);
+  add_coils(instruments, surfaces);
   if (options_.picture.style.look != Look::fluoro) return surfaces;
   const std::vector<double> phases =
       later_s == 0 ? std::vector(instruments.phases().begin(), instruments.phases().end())
@@ -174,15 +177,37 @@ std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double
 }
 
 /// Where the body shows them at the instant; a pulse does not blur them.
+void RunCine::add_in_body(const std::vector<DeviceTube>& tubes, const Instruments& instruments,
+                          std::vector<Surface>& surfaces) const {
+  for (Surface& surface : device_surfaces(tubes)) {
+    if (options_.body.motion && !instruments.phases().empty()) {
+      const HeldMotion held = options_.body.motion->held_at(instruments.phases());
+      for (glm::vec3& point_mm : surface.mesh.points_mm)
+        point_mm = glm::vec3(held.inverse_mm(glm::dvec3(point_mm)).x_mm);
+    }
+    surfaces.push_back(std::move(surface));
+  }
+}
+
 void RunCine::add_stents(const Instruments& instruments, std::vector<Surface>& surfaces) const {
   for (const PlacedStent& stent : instruments.treatments().stents())
-    for (Surface& surface : device_surfaces(stent_tubes(stent, tree_))) {
-      if (options_.body.motion && !instruments.phases().empty()) {
-        const HeldMotion held = options_.body.motion->held_at(instruments.phases());
-        for (glm::vec3& point_mm : surface.mesh.points_mm)
-          point_mm = glm::vec3(held.inverse_mm(glm::dvec3(point_mm)).x_mm);
-      }
-      surfaces.push_back(std::move(surface));
+    add_in_body(stent_tubes(stent, tree_), instruments, surfaces);
+}
+
+/// Those in sacs, and those within their catheters.
+void RunCine::add_coils(const Instruments& instruments, std::vector<Surface>& surfaces) const {
+  std::vector<DeviceTube> laid;
+  for (const CoilPack& pack : instruments.coil_packs())
+    for (const LaidCoil& coil : pack.coils()) {
+      const std::optional<PushedCoil> pushed = instruments.pushed_coil(coil.instrument);
+      laid.push_back(pushed ? coil_tube(coil, instruments.tip(pushed->around).scan_mm) : coil_tube(coil));
+    }
+  add_in_body(laid, instruments, surfaces);
+  std::vector<glm::dvec3> nodes_mm;
+  for (std::size_t d = 0; d < instruments.count(); ++d)
+    if (const std::optional<PushedCoil> pushed = instruments.pushed_coil(d)) {
+      instruments.copy_nodes(pushed->around, nodes_mm);
+      surfaces.push_back(device_surface(pushed_coil_tube(*pushed, nodes_mm)));
     }
 }
 

@@ -6,6 +6,7 @@
 #include "xraycast/motion/body_request.hpp"
 #include "xraycast/motion/moving_points.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/scene/device_tubes.hpp"
 #include "xraycast/scene/pulse_blur.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/injection.hpp"
@@ -81,6 +82,9 @@ class RunCine {
   void note_r_wave(double time_s);
   std::vector<Surface> surfaces_of(const Instruments& instruments, double later_s, double time_s);
   void add_stents(const Instruments& instruments, std::vector<Surface>& surfaces) const;
+  void add_coils(const Instruments& instruments, std::vector<Surface>& surfaces) const;
+  void add_in_body(const std::vector<DeviceTube>& tubes, const Instruments& instruments,
+                   std::vector<Surface>& surfaces) const;
   void place(const Instruments& instruments, double time_s);
   void remember(const Instruments& instruments, double time_s);
 

@@ -59,7 +59,7 @@ constexpr std::array<Figure, 14> kOfInstrument{
      {"slips", "slips", "", 0},
      {"whips", "whips", "", 0},
      {"exchanges", "exchanges", "", 0}}};
-constexpr std::array<Figure, 21> kOfTreatment{
+constexpr std::array<Figure, 25> kOfTreatment{
     {{"from_s", "begun", "s", 1},
      {"to_s", "ended", "s", 1},
      {"from_mm", "from, along the vessel", "mm", 1},
@@ -80,7 +80,11 @@ constexpr std::array<Figure, 21> kOfTreatment{
      {"stent_mm", "stent's diameter", "mm", 2},
      {"stent_length_mm", "stent's length", "mm", 1},
      {"malapposition_mm", "struts off the wall, largest", "mm", 2},
-     {"malapposed_percent", "length of struts off the wall", "%", 0}}};
+     {"malapposed_percent", "length of struts off the wall", "%", 0},
+     {"coil_mm", "coil in the sac", "mm", 0},
+     {"sac_mm3", "volume of the sac", "mm³", 0},
+     {"packing_percent", "packing density", "%", 1},
+     {"inflow_percent", "the sac's inflow, of that without coils", "%", 0}}};
 constexpr std::array<Figure, 5> kCurves{{{"insertion_mm", "insertion", "mm", 0},
                                          {"tip_path_mm", "path of the tip", "mm", 0},
                                          {"force_N", "force at the hub", "N", 0},

@@ -5,6 +5,7 @@
 #include "xraycast/scene/instrument_curve.hpp"
 
 #include <glm/common.hpp>
+#include <glm/geometric.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -143,6 +144,36 @@ std::vector<DeviceTube> stent_tubes(const StentModel& stent, std::span<const dou
     }
   }
   return tubes;
+}
+
+DeviceTube coil_tube(const LaidCoil& coil, const std::optional<glm::dvec3>& hangs_from_mm) {
+  // Every second point is as round as is seen.
+  constexpr std::size_t kStride = 2;
+  constexpr double kApart_mm = 0.05;
+  const double radius_mm = 0.5 * kPlatinumCore * coil.model.wire_mm;
+  DeviceTube tube{.matter = DeviceMatter::platinum};
+  for (std::size_t i = 0; i < coil.points_mm.size(); i += kStride)
+    tube.points.push_back({coil.points_mm[i], radius_mm});
+  if (!coil.is_detached && hangs_from_mm &&
+      glm::distance(*hangs_from_mm, tube.points.back().position_mm) > kApart_mm)
+    tube.points.push_back({*hangs_from_mm, radius_mm});
+  if (tube.points.size() < 2) tube.points.clear();
+  return tube;
+}
+
+DeviceTube pushed_coil_tube(const PushedCoil& coil, const std::vector<glm::dvec3>& around_mm) {
+  constexpr double kStep_mm = 3;
+  DeviceTube tube{.matter = DeviceMatter::platinum};
+  if (around_mm.size() < kFewestNodes) return tube;
+  const double from_mm = std::max(0.0, -coil.out_mm);
+  const DrawnEnd end(around_mm, from_mm + coil.model.length_mm);
+  const double to_mm = std::min(end.length_mm(), coil.model.length_mm - coil.out_mm);
+  if (to_mm - from_mm < kStep_mm) return tube;
+  const auto steps = static_cast<int>(std::ceil((to_mm - from_mm) / kStep_mm));
+  for (int i = 0; i <= steps; ++i)
+    tube.points.push_back({end.at_mm(std::lerp(from_mm, to_mm, static_cast<double>(i) / steps)),
+                           0.5 * kPlatinumCore * coil.model.wire_mm});
+  return tube;
 }
 
 std::vector<DeviceTube> stent_tubes(const PlacedStent& stent, const VesselTree& tree) {

@@ -8,6 +8,7 @@
 #include <glm/vec3.hpp>
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -47,5 +48,16 @@ std::vector<DeviceTube> stent_tubes(const StentModel& stent, std::span<const dou
 
 /// The same of one that was left in a tree's vessel.
 std::vector<DeviceTube> stent_tubes(const PlacedStent& stent, const VesselTree& tree);
+
+/// A coil as far as it lies in a sac, from `hangs_from_mm` on, where it comes out of its catheter, if it is
+/// not detached. Nothing of less than a step.
+DeviceTube coil_tube(const LaidCoil& coil, const std::optional<glm::dvec3>& hangs_from_mm = {});
+
+/// What of a coil is still within the instrument around it, along the nodes of that.
+DeviceTube pushed_coil_tube(const PushedCoil& coil, const std::vector<glm::dvec3>& around_mm);
+
+/// Of the primary diameter of a coil's spring, that of a full wire with the same platinum: of a spring that
+/// is wound of a sixth of its diameter.
+inline constexpr double kPlatinumCore = 0.66;
 
 }  // namespace xraycast

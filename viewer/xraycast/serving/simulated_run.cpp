@@ -75,6 +75,7 @@ void SimulatedRun::update() {
   if (passed_s <= 0) return;
 
   if (now_->treated != treated_) take_vessels();
+  if (now_->coiled != coiled_) take_coils();
   const double injection_ml_s = now_->agent_outlet ? injection_ml_s_ : 0;
   bolus_.flow().fill(fillings());
   bolus_.step(passed_s, location_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s);
@@ -122,6 +123,31 @@ void SimulatedRun::take_vessels() {
   }
 }
 
+void SimulatedRun::take_coils() {
+  coiled_ = now_->coiled;
+  coils_.clear();
+  for (std::size_t s = 0; s < coiled_->size(); ++s) {
+    const CoiledSac& sac = (*coiled_)[s];
+    bolus_.pack(s, {sac.packing, sac.wire_mm});
+    for (const LaidCoil& coil : sac.coils) {
+      const std::optional<PushedCoil>& pushed = now_->instrument(coil.instrument).coil;
+      coils_.push_back(pushed ? coil_tube(coil, now_->instrument(pushed->around).tip.scan_mm)
+                              : coil_tube(coil));
+    }
+  }
+  if (!motion_) coil_surfaces_ = device_surfaces(coils_);
+}
+
+/// Where the body shows them now.
+std::vector<DeviceTube> SimulatedRun::moved_coils() const {
+  std::vector<DeviceTube> moved = coils_;
+  if (!motion_ || now_->phases.empty()) return moved;
+  const HeldMotion held = motion_->held_at(now_->phases);
+  for (DeviceTube& tube : moved)
+    for (VesselPoint& point : tube.points) point.position_mm = held.inverse_mm(point.position_mm).x_mm;
+  return moved;
+}
+
 std::vector<Surface> SimulatedRun::instruments(double later_s) const {
   std::vector<Surface> surfaces;
   for (std::size_t d = 0; d < now_->count(); ++d)
@@ -130,6 +156,11 @@ std::vector<Surface> SimulatedRun::instruments(double later_s) const {
       surfaces.push_back(std::move(surface));
   const std::vector<Surface> stents = motion_ ? device_surfaces(moved_stents()) : stent_surfaces_;
   surfaces.insert(surfaces.end(), stents.begin(), stents.end());
+  const std::vector<Surface> coils = motion_ ? device_surfaces(moved_coils()) : coil_surfaces_;
+  surfaces.insert(surfaces.end(), coils.begin(), coils.end());
+  for (std::size_t d = 0; d < now_->count(); ++d)
+    if (const std::optional<PushedCoil>& pushed = now_->instrument(d).coil)
+      surfaces.push_back(device_surface(pushed_coil_tube(*pushed, nodes_of(pushed->around, later_s))));
   return surfaces;
 }
 
@@ -150,6 +181,10 @@ std::vector<DeviceTube> SimulatedRun::devices() const {
       all.push_back(std::move(tube));
   }
   for (DeviceTube& tube : moved_stents()) all.push_back(std::move(tube));
+  for (DeviceTube& tube : moved_coils()) all.push_back(std::move(tube));
+  for (std::size_t d = 0; d < now_->count(); ++d)
+    if (const std::optional<PushedCoil>& pushed = now_->instrument(d).coil)
+      all.push_back(pushed_coil_tube(*pushed, now_->instrument(pushed->around).nodes_mm));
   return all;
 }
 
@@ -198,6 +233,8 @@ std::string SimulatedRun::stop_recording() {
     if (models()[d].balloon()) csv += ',' + inflation_column(d);
   for (std::size_t d = 0; d < now_->count(); ++d)
     if (models()[d].has_sheath()) csv += ',' + release_column(d);
+  for (std::size_t d = 0; d < now_->count(); ++d)
+    if (models()[d].has_coils()) csv += ',' + detach_column(d);
   csv += '\n';
   for (const Poses& row : recorded_) {
     csv += fmt::format("{:.4f}", row.time_s - recorded_.front().time_s);
@@ -208,6 +245,8 @@ std::string SimulatedRun::stop_recording() {
       if (models()[d].balloon()) csv += fmt::format(",{:.4f}", row.hubs[d].inflation_bar);
     for (std::size_t d = 0; d < now_->count(); ++d)
       if (models()[d].has_sheath()) csv += fmt::format(",{:.4f}", row.hubs[d].release_mm);
+    for (std::size_t d = 0; d < now_->count(); ++d)
+      if (models()[d].has_coils()) csv += fmt::format(",{:.0f}", row.hubs[d].detach);
     csv += '\n';
   }
   return csv;

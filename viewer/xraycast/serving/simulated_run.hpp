@@ -86,6 +86,11 @@ class SimulatedRun {
   void draw_sheath(std::size_t instrument, double mm) { couplings_.draw_sheath(instrument, mm); }
   double sheath_mm(std::size_t instrument) const { return couplings_.sheath_mm(instrument); }
 
+  /// Detaches the coil on an instrument's wire, where all of it lies in a sac.
+  void detach(std::size_t instrument) {
+    couplings_.detach(instrument, couplings_.detachments(instrument) + 1);
+  }
+
   /// What is counted of the run.
   LiveMonitor& monitor() { return monitor_; }
   const LiveMonitor& monitor() const { return monitor_; }
@@ -120,6 +125,8 @@ class SimulatedRun {
 
  private:
   void take_vessels();
+  void take_coils();
+  std::vector<DeviceTube> moved_coils() const;
   std::vector<DeviceTube> moved_stents() const;
   struct Poses {
     double time_s;
@@ -136,12 +143,15 @@ class SimulatedRun {
   ContrastBolus bolus_;
   ContrastSurface contrast_;
   Moving moving_;
-  std::shared_ptr<const Motion> motion_;           ///< none: the body is still
-  std::shared_ptr<const TreatedVessels> treated_;  ///< that contrast agent and stents are of
-  std::vector<DeviceTube> stents_;                 ///< in the scan
-  std::vector<Surface> stent_surfaces_;            ///< of each, where the body is still
-  std::vector<MovingPoints> stent_points_;         ///< of each, where it moves
-  double body_from_s_;                             ///< the body's time as the run begins
+  std::shared_ptr<const Motion> motion_;                  ///< none: the body is still
+  std::shared_ptr<const TreatedVessels> treated_;         ///< that contrast agent and stents are of
+  std::vector<DeviceTube> stents_;                        ///< in the scan
+  std::vector<Surface> stent_surfaces_;                   ///< of each, where the body is still
+  std::shared_ptr<const std::vector<CoiledSac>> coiled_;  ///< that contrast agent and coils are of
+  std::vector<DeviceTube> coils_;                         ///< in the scan
+  std::vector<Surface> coil_surfaces_;                    ///< of each, where the body is still
+  std::vector<MovingPoints> stent_points_;                ///< of each, where it moves
+  double body_from_s_;                                    ///< the body's time as the run begins
   double injection_ml_s_ = 0, injected_ml_ = 0;
   std::deque<Load> loads_;
   bool is_recording_ = false;

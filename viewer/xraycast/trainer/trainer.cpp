@@ -4,6 +4,7 @@
 #include "xraycast/haptics/hand_rates.hpp"
 #include "xraycast/scene/instrument_curve.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
+#include "xraycast/simulation/coiling.hpp"
 #include "xraycast/simulation/instrument_pressures.hpp"
 
 #include <algorithm>
@@ -167,6 +168,7 @@ void Trainer::let_flow() {
   message_.has_outlet = outlet.has_value();
   if (passed_s <= 0) return;
   take_vessels();
+  take_coils(instruments_, bolus_);
   bolus_.flow().fill(fillings_of(*setup_.tree, instruments_));
   const double ml_s = hand_.injects && outlet ? kInjection_ml_s : 0;
   bolus_.step(passed_s, location_of(instruments_.tip(outlet.value_or(0))), ml_s);
@@ -191,6 +193,8 @@ std::vector<DeviceTube> Trainer::devices(std::span<const std::vector<glm::dvec3>
     add(treating_tubes(nodes_mm[d], instruments_.rod(d).instrument(), treating_view(instruments_, d)));
   const std::size_t carried = all.size();
   for (const PlacedStent& stent : instruments_.treatments().stents()) add(stent_tubes(stent, *setup_.tree));
+  for (const CoilPack& pack : instruments_.coil_packs())
+    for (const LaidCoil& coil : pack.coils()) all.push_back(coil_tube(coil));
   if (!body_ || all.size() == carried) return all;
   const HeldMotion held = body_->motion()->held_at(exposed_phases_);
   for (std::size_t t = carried; t < all.size(); ++t)

@@ -115,6 +115,26 @@ void draw_sheath(Intervention& intervention, std::size_t number) {
     write_wrapped(fmt::format("{} of {} rings of the stent are free", free_rings, rings));
 }
 
+/// The coil on a wire, and the sac that it lies in.
+void detach_coil(Intervention& intervention, std::size_t number) {
+  const SimulatedRun& run = intervention.run();
+  if (!run.models()[number].has_coils()) return;
+  constexpr double kPercent = 100;
+  if (const std::optional<PushedCoil>& coil = run.now().instrument(number).coil) {
+    ImGui::BeginDisabled(!coil->can_be_detached());
+    if (ImGui::Button("Detach coil")) intervention.run().detach(number);
+    ImGui::EndDisabled();
+    write_wrapped(fmt::format(
+        "coil of {:g} mm by {:g} mm: {:.0f} mm in the aneurysm{}", coil->model.loop_mm, coil->model.length_mm,
+        coil->laid_mm, coil->is_in_sac || coil->out_mm < 0 ? "" : "; lead the tip around it into one"));
+  } else {
+    write_wrapped("no coil: draw the wire back to 0 for the next one");
+  }
+  if (!run.now().coiled) return;
+  for (const CoiledSac& sac : *run.now().coiled)
+    if (sac.packing > 0) write_wrapped(fmt::format("packing density {:.1f} %", kPercent * sac.packing));
+}
+
 void show_instrument(Intervention& intervention, std::size_t number) {
   const SimulatedRun& run = intervention.run();
   const InstrumentSnapshot& instrument = run.now().instrument(number);
@@ -132,6 +152,7 @@ void show_instrument(Intervention& intervention, std::size_t number) {
                             no_negative_zero(instrument.tip.arc_length_mm, 0)));
   fill_balloon(intervention, number);
   draw_sheath(intervention, number);
+  detach_coil(intervention, number);
   show_loads(run, number);
   ImGui::PopID();
 }
