@@ -292,7 +292,7 @@ def test_a_coil_is_detached_in_an_aneurysm():
 
 
 def test_bad_arguments_are_named(tree, small_map, tmp_path):
-    for script in ([(0, 0)], [1, 2, 3], [(0, 0, 0, 0, 0, 0)], "no-such.csv"):
+    for script in ([(0, 0)], [1, 2, 3], [(0, 0, 0, 0, 0, 0, 0)], "no-such.csv"):
         with pytest.raises(xc.InputError, match="script|no-such.csv"):
             xc.simulate(tree, ["cobra-5f"], script)
     with pytest.raises(xc.InputError, match="^script: row 2: time_s 0.0 is not later than 0.0, that of row 1|row 1"):
