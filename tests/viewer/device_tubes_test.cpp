@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -127,6 +128,50 @@ TEST(SheathSurface, CarriesTheRingsThatAreNotFree) {
                            [](double mm) { return glm::dvec3(0, 0, mm); })[0]
                 .mu_per_mm)
       << "nitinol absorbs less than cobalt-chromium";
+}
+
+double length_mm(const DeviceTube& tube) {
+  double sum_mm = 0;
+  for (std::size_t i = 1; i < tube.points.size(); ++i)
+    sum_mm += glm::distance(tube.points[i].position_mm, tube.points[i - 1].position_mm);
+  return sum_mm;
+}
+
+TEST(CoilTube, IsOfPlatinumAlongTheCoilAndHangsFromItsCatheter) {
+  LaidCoil coil{.model = {.loop_mm = 10, .length_mm = 300, .wire_mm = 0.36}};
+  for (int i = 0; i <= 20; ++i) coil.points_mm.push_back({0.5 * i, 0, 0});
+  const glm::dvec3 tip_mm(10, 3, 0);
+  const DeviceTube hangs = coil_tube(coil, tip_mm);
+  EXPECT_EQ(hangs.matter, DeviceMatter::platinum);
+  // Straight lines: rounding.
+  EXPECT_NEAR(length_mm(hangs), 10 + 3, 1e-12);
+  coil.is_detached = true;
+  EXPECT_NEAR(length_mm(coil_tube(coil)), 10, 1e-12);
+  // A spring of 0.36 mm that is wound of 0.06 mm: as much metal as pi^2 / 4 d (D - d).
+  const double full_mm = 2 * hangs.points[0].radius_mm,
+               spring_mm2 = 0.25 * std::numbers::pi * std::numbers::pi * 0.06 * 0.3;
+  EXPECT_NEAR(0.25 * std::numbers::pi * full_mm * full_mm, spring_mm2, 0.02 * spring_mm2)
+      << "of two decimals";
+  check(device_surface(hangs));
+  coil.points_mm.resize(1);
+  EXPECT_TRUE(coil_tube(coil).points.empty());
+}
+
+TEST(CoilTube, LiesInItsCatheterAsFarAsItIsNotOut) {
+  std::vector<glm::dvec3> around_mm;
+  for (int i = 0; i <= 100; ++i) around_mm.push_back({0, 0, 5.0 * i});
+  PushedCoil coil{.model = {.loop_mm = 10, .length_mm = 300, .wire_mm = 0.36}, .out_mm = -50};
+  const DeviceTube within = pushed_coil_tube(coil, around_mm);
+  // Of a straight catheter, whose curve is that: rounding.
+  EXPECT_NEAR(within.points.front().position_mm.z, 450, 1e-6);
+  EXPECT_NEAR(length_mm(within), 300, 1e-6);
+  coil.out_mm = 120;
+  EXPECT_NEAR(length_mm(pushed_coil_tube(coil, around_mm)), 180, 1e-6);
+  EXPECT_NEAR(pushed_coil_tube(coil, around_mm).points.front().position_mm.z, 500, 1e-6);
+  coil.out_mm = -400;
+  EXPECT_NEAR(length_mm(pushed_coil_tube(coil, around_mm)), 100, 1e-6) << "the rest has yet to enter";
+  coil.out_mm = 300;
+  EXPECT_TRUE(pushed_coil_tube(coil, around_mm).points.empty());
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "xraycast/serving/simulated_run.hpp"
 
+#include "support/basilar_tip.hpp"
 #include "xraycast/catheter/lumen_profile.hpp"
 #include "xraycast/haptics/manual_device.hpp"
 #include "xraycast/haptics/script_device.hpp"
@@ -165,6 +166,43 @@ TEST(SimulatedRun, ASheathIsDrawnBackFromItsStent) {
   const Script recorded = Script::parse(run.stop_recording(), "recording");
   EXPECT_NEAR(recorded.rows().back().pose.release_mm, run.models()[0].max_release_mm(), 1e-4)
       << "no further than the stent";
+}
+
+TEST(SimulatedRun, ACoilIsDetachedInAnAneurysm) {
+  auto device = std::make_unique<ManualDevice>("keyboard");
+  ManualDevice& hand = *device;
+  SimulatedRun run({.tree = std::make_shared<const VesselTree>(test::basilar_tip()),
+                    .instruments = instruments_named({"microcatheter-24f", "coil-10x30"}),
+                    .entry = {glm::dvec3(0)}},
+                   std::move(device));
+  run.start_recording();
+  const auto advance_until = [&](std::size_t hub, const auto& is_there) {
+    hand.hold(hub);
+    hand.set_rates(100, 0);
+    // A busy machine's clock may run slower than a hand's.
+    for (int i = 0; i < 400 && !is_there(); ++i) watch(run, 0.02);
+    hand.set_rates(0, 0);
+    watch(run, 0.1);
+  };
+  advance_until(0, [&] { return run.now().pose.insertion_mm > 103; });
+  const std::size_t before = run.instruments().size();
+  run.detach(1);
+  watch(run, 0.1);
+  EXPECT_TRUE(run.now().instrument(1).coil) << "it is in the catheter still";
+  advance_until(1, [&] { return run.now().instrument(1).coil->can_be_detached(); });
+  ASSERT_NE(run.now().coiled, nullptr);
+  EXPECT_NEAR(run.now().instrument(1).coil->laid_mm, 300, PushedCoil::kSlack_mm);
+  EXPECT_EQ(run.instruments().size(), before + 1)
+      << "the coil in the sac, besides what is left of it in the catheter";
+  run.detach(1);
+  watch(run, 0.1);
+  EXPECT_FALSE(run.now().instrument(1).coil);
+  ASSERT_EQ(run.now().coiled->size(), 1u);
+  EXPECT_TRUE((*run.now().coiled)[0].coils.at(0).is_detached);
+  EXPECT_NEAR((*run.now().coiled)[0].packing, 0.059, 1e-3);
+  EXPECT_GT(volume_mm3(run.instruments().back().mesh), 0);
+  const Script recorded = Script::parse(run.stop_recording(), "recording", 2);
+  EXPECT_EQ(recorded.rows().back().pose_of(1).detach, 2) << "once in vain";
 }
 
 TEST(SimulatedRun, AReplayEndsWhereTheRecordingEnded) {

@@ -1,11 +1,15 @@
 #include "xraycast/scene/contrast_surface.hpp"
 
+#include "xraycast/catheter/aneurysm_sac.hpp"
 #include "xraycast/geometry/tube.hpp"
 
 #include <glm/geometric.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <span>
 
 namespace xraycast {
@@ -33,12 +37,26 @@ void add_drum(const Ring& from, const Ring& to, Mesh& mesh) {
   }
 }
 
-/// The first stretches of drums, and the end of the last one.
-std::vector<std::size_t> divide(const std::vector<double>& arc_length_mm) {
-  constexpr double kDrum_mm = 2;
+/// As many points along the axis of a sac as its branch has, with the ball's own radii, where the branch has
+/// those of spheres.
+std::vector<VesselPoint> points_of(const AneurysmSac& sac, std::size_t count) {
+  constexpr double kDome = 0.99;  // of the radius, where the last ring is still one
+  std::vector<VesselPoint> points;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double along_mm = std::lerp(-sac.neck_mm, kDome * sac.radius_mm,
+                                      static_cast<double>(i) / static_cast<double>(count - 1));
+    const double square = sac.radius_mm * sac.radius_mm - along_mm * along_mm;
+    points.push_back({sac.centre_mm + along_mm * sac.outwards,
+                      std::max(std::sqrt(std::max(0.0, square)), (1 - kDome) * sac.radius_mm)});
+  }
+  return points;
+}
+
+/// The first stretches of drums of a length or a little more, and the end of the last one.
+std::vector<std::size_t> divide(const std::vector<double>& arc_length_mm, double drum_mm) {
   std::vector<std::size_t> bounds{0};
   for (std::size_t i = 1; i + 1 < arc_length_mm.size(); ++i)
-    if (arc_length_mm[i] - arc_length_mm[bounds.back()] >= kDrum_mm) bounds.push_back(i);
+    if (arc_length_mm[i] - arc_length_mm[bounds.back()] >= drum_mm) bounds.push_back(i);
   bounds.push_back(arc_length_mm.size() - 1);
   return bounds;
 }
@@ -48,8 +66,12 @@ std::vector<std::size_t> divide(const std::vector<double>& arc_length_mm) {
 ContrastSurface::ContrastSurface(const VesselTree& tree, double mu_per_mm) : mu_per_mm_(mu_per_mm) {
   for (std::size_t b = 0; b < tree.branches().size(); ++b) {
     const VesselBranch& branch = tree.branches()[b];
-    const std::vector<Ring> rings = rings_across_chords(branch.points);
-    const std::vector<std::size_t> bounds = divide(branch.arc_length_mm);
+    constexpr double kDrum_mm = 2, kOfSac = 0.2;
+    const std::optional<AneurysmSac> sac = sac_of(tree, static_cast<int>(b));
+    const std::vector<Ring> rings =
+        rings_across_chords(sac ? points_of(*sac, branch.points.size()) : branch.points);
+    const std::vector<std::size_t> bounds =
+        divide(branch.arc_length_mm, sac ? std::min(kDrum_mm, kOfSac * sac->radius_mm) : kDrum_mm);
     for (std::size_t d = 0; d + 1 < bounds.size(); ++d) {
       drums_.push_back({static_cast<int>(b), bounds[d], bounds[d + 1]});
       add_drum(rings[bounds[d]], rings[bounds[d + 1]], whole_);

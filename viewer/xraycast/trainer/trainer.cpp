@@ -194,11 +194,18 @@ std::vector<DeviceTube> Trainer::devices(std::span<const std::vector<glm::dvec3>
   const std::size_t carried = all.size();
   for (const PlacedStent& stent : instruments_.treatments().stents()) add(stent_tubes(stent, *setup_.tree));
   for (const CoilPack& pack : instruments_.coil_packs())
-    for (const LaidCoil& coil : pack.coils()) all.push_back(coil_tube(coil));
-  if (!body_ || all.size() == carried) return all;
-  const HeldMotion held = body_->motion()->held_at(exposed_phases_);
-  for (std::size_t t = carried; t < all.size(); ++t)
-    for (VesselPoint& point : all[t].points) point.position_mm = held.inverse_mm(point.position_mm).x_mm;
+    for (const LaidCoil& coil : pack.coils()) {
+      const std::optional<PushedCoil> pushed = instruments_.pushed_coil(coil.instrument);
+      all.push_back(pushed ? coil_tube(coil, instruments_.tip(pushed->around).scan_mm) : coil_tube(coil));
+    }
+  if (body_ && all.size() > carried) {
+    const HeldMotion held = body_->motion()->held_at(exposed_phases_);
+    for (std::size_t t = carried; t < all.size(); ++t)
+      for (VesselPoint& point : all[t].points) point.position_mm = held.inverse_mm(point.position_mm).x_mm;
+  }
+  for (std::size_t d = 0; d < instruments_.count(); ++d)
+    if (const std::optional<PushedCoil> pushed = instruments_.pushed_coil(d))
+      all.push_back(pushed_coil_tube(*pushed, nodes_mm[pushed->around]));
   return all;
 }
 
