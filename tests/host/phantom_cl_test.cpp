@@ -23,7 +23,9 @@ Volume paint(const Phantom& phantom) {
 
 class PaintedPhantom : public testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(, PaintedPhantom, testing::ValuesIn(phantom_names()), [](const auto& name) {
-  return name.param == "shepp-logan" ? "shepp_logan" : name.param;
+  std::string identifier = name.param;
+  std::ranges::replace(identifier, '-', '_');
+  return identifier;
 });
 
 TEST_P(PaintedPhantom, HoldsTheTruthAtRandomVoxels) {
