@@ -16,8 +16,8 @@ namespace {
 constexpr double kSpacing_mm = 1.5;
 using Inside = std::function<bool(const glm::dvec3&)>;
 
-Volume make(const Inside& inside) {
-  Volume volume({{200, 200, 30}, {kSpacing_mm, kSpacing_mm, 3}, {-149.25, -149.25, 0}});
+Volume make(const Inside& inside, std::int64_t slices = 30) {
+  Volume volume({{200, 200, slices}, {kSpacing_mm, kSpacing_mm, 3}, {-149.25, -149.25, 0}});
   const VolumeGeometry& g = volume.geometry();
   for (std::int64_t z = 0; z < g.size.z; ++z)
     for (std::int64_t y = 0; y < g.size.y; ++y)
@@ -134,6 +134,18 @@ TEST(BodyFit, HasAnOutlineOfItsOwnForBandsOfRowsThatDiffer) {
     widest_of_head_mm = std::max(widest_of_head_mm, map.radius_mm() * map.scale(column, 0));
   // The head's 50 mm, the axis off its middle by what the shoulders' centroid moves it, margin and voxel.
   EXPECT_LE(widest_of_head_mm, 50 + glm::length(map.centre_mm[0] - glm::dvec2(0, -10)) + 7);
+}
+
+TEST(BodyFit, HasABandOfItsOwnForAWaist) {
+  // Two bands alone would save nothing.
+  const Volume volume = make(
+      [](const glm::dvec3& p) {
+        const double share = p.z > 96 && p.z < 192 ? 0.4 : 1.0;
+        return std::hypot(p.x / 130, (p.y + 10) / 80) < share;
+      },
+      96);
+  const OutlineFinder finder = seen(volume);
+  EXPECT_GE(outline_bands(fit_to_body(circles(volume, finder), finder)).size(), 3u);
 }
 
 TEST(BodyFit, OfABodyThatIsAsWideEverywhereHasOneOutline) {

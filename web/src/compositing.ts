@@ -46,13 +46,13 @@ export const kQuick: Detail = { pixels_per_column: 2, texels_per_step: 12 };
 
 const kSampled = { map_texels: 0, column_table: 1, sample_table: 2 }; // texture units
 
-/** The body in a view: kept until map, view or style change. */
 /** The first and the last row of each band, beyond the map's ends where there is no other. */
 function rows_of_bands({ bands }: MapGeometry): number[] {
   const kBeyond = 1e9;
   return bands.flatMap((first, i) => [i === 0 ? -kBeyond : first, i + 1 < bands.length ? bands[i + 1]! - 1 : kBeyond]);
 }
 
+/** The body in a view: kept until map, view or style change. */
 class BodyPicture {
   private readonly map: MapGeometry;
   private readonly target: Target;

@@ -46,11 +46,18 @@ std::vector<int> partition_into_bands(std::span<const float> reaches_mm, int wid
       for (std::size_t first = 1; first <= last; ++first)
         if (const double area = best.back()[first - 1].area + areas[first][last]; area < more[last].area)
           more[last] = {area, first};
-    if (!(more.back().area < best.back().back().area - kLeastGain * best[0].back().area)) break;
     best.push_back(std::move(more));
   }
+  // A waist between two wide parts takes two bands more at once.
+  std::size_t bands = 1;
+  const auto price_of = [&](std::size_t count) {
+    return best[count - 1].back().area + kLeastGain * best[0].back().area * static_cast<double>(count);
+  };
+  for (std::size_t count = 2; count <= best.size(); ++count)
+    if (price_of(count) < price_of(bands)) bands = count;
+
   std::vector<int> first_rows;
-  for (std::size_t bands = best.size(), last = rows - 1; bands-- > 0;) {
+  for (std::size_t last = rows - 1; bands-- > 0;) {
     const std::size_t first = best[bands][last].first;
     first_rows.insert(first_rows.begin(), static_cast<int>(first));
     last = first - 1;

@@ -21,6 +21,7 @@ constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kMargin_mm = 1;                  // outside of the skin
 constexpr double kSmoothing = kTurn * 2.5 / 360;  // to each side
 constexpr double kNarrowest = 0.05;               // of the largest R
+constexpr double kSkinStep = 3;                   // voxels of a moved skin, of which one is given
 
 /// How far the body reaches in the directions of a grid's columns and rows; 0 where there is none.
 class Extents {
@@ -160,7 +161,10 @@ Extents around_axis(const MapGeometry& map, int slices, const OutlineFinder& fin
     });
   else
     finder.visit_skin(add);
-  std::ranges::for_each(further_skin_mm, add);
+  // Moved skin is given for some of the voxels alone: it counts also in the slices beside them.
+  const double beside_mm = kSkinStep * finder.skin_voxel_mm().z;
+  for (const glm::dvec3& voxel_mm : further_skin_mm)
+    for (const double up_mm : {-beside_mm, 0.0, beside_mm}) add(voxel_mm + glm::dvec3(0, 0, up_mm));
   return extents;
 }
 

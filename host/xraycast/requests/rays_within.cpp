@@ -105,14 +105,18 @@ class BandedOutline {
   std::vector<Band> bands_;
 };
 
-/// In a sphere's outline, looked for in steps of a millimetre.
-std::vector<RaySegment> within_sphere_outline(const RaySegment& ray, const MapGeometry& geometry) {
+/// In any outline, looked for in steps of a millimetre.
+std::vector<RaySegment> within_outline(const RaySegment& ray, const MapGeometry& geometry) {
+  const bool is_sphere = geometry.ray_layout == RayLayout::sphere;
   const glm::dvec3 centre(geometry.centre_mm[0], geometry.centre_z_mm);
   const auto is_within = [&](double share) {
-    const glm::dvec3 p = glm::mix(ray.start_mm, ray.end_mm, share) - centre;
-    const double radius = glm::length(p), turn = std::atan2(p.x, -p.y) / (2 * std::numbers::pi);
-    const double theta = std::acos(std::clamp(p.z / std::max(radius, 1e-9), -1.0, 1.0));
-    const double row = theta / std::numbers::pi * geometry.height - 0.5;
+    const glm::dvec3 place = glm::mix(ray.start_mm, ray.end_mm, share), p = place - centre;
+    const double radius = is_sphere ? glm::length(p) : glm::length(glm::dvec2(p));
+    const double turn = std::atan2(p.x, -p.y) / (2 * std::numbers::pi);
+    const double row = is_sphere ? std::acos(std::clamp(p.z / std::max(radius, 1e-9), -1.0, 1.0)) /
+                                           std::numbers::pi * geometry.height -
+                                       0.5
+                                 : (geometry.top_mm - place.z) / geometry.row_spacing_mm;
     return geometry.shell_radius_mm(radius, turn * geometry.width - 0.5, row) < geometry.radius_mm();
   };
   const int steps = static_cast<int>(std::ceil(glm::distance(ray.start_mm, ray.end_mm)));
@@ -137,14 +141,17 @@ std::vector<RaySegment> within_sphere_outline(const RaySegment& ray, const MapGe
 std::vector<PixelSegment> segments_within(const View& view, const MapGeometry& geometry) {
   const auto rays = rays_within(view, geometry);
   std::optional<BandedOutline> outline;
-  if (geometry.has_outline() && geometry.ray_layout == RayLayout::cylinder) outline.emplace(geometry);
+  // As they are drawn: more bands are marched through, where outlines are blended between rows.
+  if (geometry.has_outline() && geometry.ray_layout == RayLayout::cylinder &&
+      outline_bands(geometry).size() <= kMostOutlineBands)
+    outline.emplace(geometry);
   std::vector<std::vector<RaySegment>> parts(rays.size());
   parallel_for(view.height, [&](std::int64_t row) {
     for (std::size_t i = static_cast<std::size_t>(row) * view.width;
          i < static_cast<std::size_t>(row + 1) * view.width; ++i)
       if (rays[i])
         parts[i] = outline                  ? outline->parts_of(*rays[i])
-                   : geometry.has_outline() ? within_sphere_outline(*rays[i], geometry)
+                   : geometry.has_outline() ? within_outline(*rays[i], geometry)
                                             : std::vector{*rays[i]};
   });
   std::vector<PixelSegment> segments;

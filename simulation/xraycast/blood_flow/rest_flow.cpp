@@ -107,7 +107,7 @@ RestFlow rest_flow(const VesselTree& tree, const Blood& blood) {
     // A vessel that goes on under its name is none that leaves.
     const auto share_of = [&](int child) {
       const std::string& name = branches[static_cast<std::size_t>(child)].name;
-      return name == divides.name ? 0 : rest_share(name);
+      return name == divides.name || sac_of(tree, child) ? 0 : rest_share(name);
     };
     const auto width_of = [&](int child) {
       if (sac_of(tree, child)) return 0.0;
@@ -127,8 +127,10 @@ RestFlow rest_flow(const VesselTree& tree, const Blood& blood) {
     for (const int child : divides.children) {
       const auto c = static_cast<std::size_t>(child);
       const double share = share_of(child);
-      rest.ml_s[c] = share > 0 ? scale * share * kHeartOutput_ml_s
-                               : (flow_ml_s - scale * named_ml_s) * width_of(child) / widths;
+      if (share > 0)
+        rest.ml_s[c] = scale * share * kHeartOutput_ml_s;
+      else if (width_of(child) > 0)
+        rest.ml_s[c] = (flow_ml_s - scale * named_ml_s) * width_of(child) / widths;
       const Coronary own = coronary_of(branches[c].name);
       rest.coronary[c] = own == Coronary::none ? rest.coronary[static_cast<std::size_t>(parent)] : own;
     }

@@ -88,8 +88,6 @@ class InstrumentModel {
   const std::vector<MarkerModel>& markers() const { return properties_.markers; }
   const std::vector<CoilModel>& coils() const { return properties_.coils; }
   bool has_coils() const { return !coils().empty(); }
-  /// The one that it pushes after so many; it must have coils.
-  const CoilModel& coil(std::size_t after) const { return coils()[std::min(after, coils().size() - 1)]; }
   double longest_coil_mm() const;  ///< 0 without coils
   /// Whether it has a stent that opens as its sheath is drawn back.
   bool has_sheath() const { return stent() && stent()->expands_itself(); }

@@ -31,7 +31,7 @@ std::vector<double> flows_past_sacs(const VesselTree& tree);
 std::vector<Coiling> coilings_of(const Instruments& instruments, const std::vector<double>& past_ml_s);
 
 /// `coil-10x30 in aneurysm: 10 mm by 300 mm, detached; sac of 517 mm3 packed to 23.5 %, inflow 44 % of
-/// before`.
+/// that without coils`.
 std::string in_words(const Coiling& coiling);
 
 /// The coils as a bed for the blood; none: nothing resists.

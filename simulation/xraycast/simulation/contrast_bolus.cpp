@@ -8,7 +8,7 @@
 namespace xraycast {
 namespace {
 
-constexpr double kShortestStep_s = 5e-4, kMl_in_mm3 = 1e-3;
+constexpr double kShortestStep_s = 5e-4, kMl_of_mm3 = 1e-3;
 
 /// A child starts at its parent's end; a little further on it has its own width.
 double width_mm(const VesselBranch& branch) { return branch.points[branch.points.size() / 2].radius_mm; }
@@ -36,7 +36,7 @@ ContrastBolus::ContrastBolus(const VesselTree& tree, const Blood& blood)
     vessels_.emplace_back(branch, n, blood.diffusivity_mm2_s, kShortestStep_s * fastest_ml_s);
     iodine_mg_ml_.emplace_back(branch.points.size() - 1);
   }
-  for (const AneurysmSac& sac : flow_.sacs()) sacs_.emplace_back(kMl_in_mm3 * sac.volume_mm3());
+  for (const AneurysmSac& sac : flow_.sacs()) sacs_.emplace_back(kMl_of_mm3 * sac.volume_mm3());
 }
 
 /// As it has been in the flow's last step.
@@ -62,7 +62,7 @@ const MixedSac* ContrastBolus::sac_at(std::size_t branch) const {
 
 void ContrastBolus::pack(std::size_t sac, const CoilBed& bed) {
   flow_.pack(sac, bed);
-  sacs_[sac].set_volume_ml(kMl_in_mm3 * (1 - bed.packing) * flow_.sacs()[sac].volume_mm3());
+  sacs_[sac].set_volume_ml(kMl_of_mm3 * (1 - bed.packing) * flow_.sacs()[sac].volume_mm3());
 }
 
 double ContrastBolus::longest_step_s() const {
@@ -98,7 +98,8 @@ void ContrastBolus::advect(double time_s) {
   }
   washed_out_mg_ += junctions_[root_start].entering_mg;
   for (std::size_t b = 0; b < vessels_.size(); ++b) {
-    if (flow_.is_outlet(b)) washed_out_mg_ += junctions_[b].entering_mg;
+    // Blood that comes in at an outlet takes along what has left a sac there.
+    if (flow_.is_outlet(b) && vessels_[b].end_ml_s() >= 0) washed_out_mg_ += junctions_[b].entering_mg;
     vessels_[b].advect(time_s, junctions_[start_of(b)].mg_ml(), junctions_[b].mg_ml());
   }
 }

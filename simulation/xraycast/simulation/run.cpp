@@ -21,11 +21,14 @@ std::optional<RunRecord::Coil> coil_of(const Instruments& instruments, std::size
   const CoilPusher& pusher = instruments.coil_pusher(d);
   if (!pusher.has_coils()) return {};
   RunRecord::Coil coil{.detached = pusher.detached};
-  for (const CoilPack& pack : instruments.coil_packs()) {
-    if (pack.coils().empty() || pack.coils().back().instrument != d) continue;
-    coil.packing = pack.packing();
-    if (pack.has_attached()) coil.out_mm = pack.coils().back().laid_mm;
-  }
+  double last_s = -1;
+  for (const CoilPack& pack : instruments.coil_packs())
+    for (const LaidCoil& laid : pack.coils()) {
+      if (laid.instrument != d || laid.from_s < last_s) continue;
+      last_s = laid.from_s;
+      coil.packing = pack.packing();
+      coil.out_mm = laid.is_detached ? 0 : laid.laid_mm;
+    }
   return coil;
 }
 

@@ -10,7 +10,7 @@
 namespace xraycast {
 
 /// The columns of a script for an instrument, from 0 on: `insertion_mm`, `insertion_2_mm` and so on. The last
-/// two, of its balloon and of its stent's sheath, may be left out.
+/// three, of its balloon, its stent's sheath and its coils, may be left out.
 std::string insertion_column(std::size_t instrument);
 std::string rotation_column(std::size_t instrument);
 std::string inflation_column(std::size_t instrument);

@@ -5,6 +5,7 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/casting/key_maps.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 #include "xraycast/export/gltf_file.hpp"
 #include "xraycast/export/web_page.hpp"
 #include "xraycast/sampling/column_samples.hpp"
@@ -26,9 +27,11 @@ void check_map(const BodyMap& map, const std::string& name) {
         "{}: holds materials for a spectrum, which a page cannot draw; cast it with `opacity` paper", name);
   if (geometry.ray_layout != RayLayout::cylinder)
     throw InputError("{}: a page shows cylinder maps alone; cast it with `projection` cylinder", name);
-  if (!suits_web(map))
+  if (geometry.centre_mm.size() > 1)
     throw InputError("{}: a page shows maps about a straight axis alone; cast it without `centre_line`",
                      name);
+  if (!suits_web(map))
+    throw InputError("{}: its rows have more than {} outlines; cast it anew", name, kMostOutlineBands);
   if (geometry.width > kMostWebAngles)
     throw InputError("{}: {} angles, but a page holds at most {}; cast it with `angles` {}", name,
                      geometry.width, kMostWebAngles, kMostWebAngles);
@@ -154,6 +157,22 @@ void check_suits_page(const FluoroscopeRequest& asked) {
 }
 
 /// The whole zoom field, with an entry at its edge, from where instruments go towards the body's middle.
+void check_steerable(const std::vector<InstrumentModel>& instruments) {
+  for (const InstrumentModel& model : instruments)
+    if (model.has_coils())
+      throw InputError(
+          "{}: a page that steers by itself cannot push coils; leave it out, or steer in the window",
+          model.name());
+}
+
+/// Behind those that are there: of other names, and without coils.
+void add_choices(const std::vector<InstrumentModel>& others, std::vector<InstrumentModel>& choices) {
+  for (const InstrumentModel& model : others)
+    if (!model.has_coils() &&
+        std::ranges::find(choices, model.name(), &InstrumentModel::name) == choices.end())
+      choices.push_back(model);
+}
+
 void show_field(CArmPose& pose, const FluoroscopyOptions& options, double entry_height_mm,
                 const BodyBounds& bounds) {
   constexpr int kPixels = 1000;
@@ -236,6 +255,7 @@ ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const
 void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others,
                   const FluoroscopeRequest& fluoroscope) {
   check_suits_page(fluoroscope);
+  check_steerable(run.instruments);
   request.fluoroscope = options_of(fluoroscope);
   if (request.pose.cone)
     request.fluoroscope.c_arm.distances = *request.pose.cone;
@@ -249,9 +269,7 @@ void make_steered(ExportRequest& request, const RunRequest& run, const std::vect
       has_page_size(*request.map->keys))
     setup.motion = PageMotion::about(*run.tree, *request.body.motion);
   for (std::size_t d = 0; d < run.instruments.size(); ++d) setup.used.push_back(d);
-  for (const InstrumentModel& model : others)
-    if (std::ranges::find(setup.choices, model.name(), &InstrumentModel::name) == setup.choices.end())
-      setup.choices.push_back(model);
+  add_choices(others, setup.choices);
   request.live = live_run_of(run, request.vessels_name);
   for (const PageMotion::Mode& mode : setup.motion.modes) request.live->modes.push_back(mode.name);
   request.trainer = std::move(setup);
@@ -264,11 +282,10 @@ void add_exercises(ExportRequest& request, const std::vector<Exercise>& exercise
     TrainerSetup setup{.tree = tree, .exercise = to_json(with_shown_names(exercise))};
     setup.motion = request.trainer->motion;
     setup.choices = instruments_named(exercise.instruments);
+    check_steerable(setup.choices);
     for (std::size_t d = 0; d < setup.choices.size(); ++d) setup.used.push_back(d);
     setup.entry = find_entry(*tree, exercise.entry, setup.choices.front());
-    for (const InstrumentModel& model : instruments_named(exercise.devices))
-      if (std::ranges::find(setup.choices, model.name(), &InstrumentModel::name) == setup.choices.end())
-        setup.choices.push_back(model);
+    add_choices(instruments_named(exercise.devices), setup.choices);
     request.exercises.push_back({exercise, std::move(setup)});
   }
 }

@@ -249,6 +249,14 @@ ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& 
                          rectified.is_cone() ? static_cast<float>(1 / run_mm) : 0.0f, 0});
     }
   });
+  constexpr std::size_t kMostSamples = 1 << 24;  // whole numbers of 32-bit floats
+  std::size_t all = 0;
+  for (const ColumnSamples& part : parts) all += part.samples.size();
+  if (all > kMostSamples)
+    throw InputError(
+        "the picture takes {} samples of the map, but at most {} can be drawn; draw a smaller one, or cast "
+        "fewer layers",
+        all, kMostSamples);
   ColumnSamples result;
   for (ColumnSamples& part : parts) {
     const auto before = static_cast<float>(result.samples.size());

@@ -75,7 +75,7 @@ void SimulatedRun::update() {
   if (passed_s <= 0) return;
 
   if (now_->treated != treated_) take_vessels();
-  if (now_->coiled != coiled_) take_coils();
+  if (now_->coiled != coiled_ || has_attached_coil()) take_coils();
   const double injection_ml_s = now_->agent_outlet ? injection_ml_s_ : 0;
   bolus_.flow().fill(fillings());
   bolus_.step(passed_s, location_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s);
@@ -121,6 +121,13 @@ void SimulatedRun::take_vessels() {
     for (const VesselPoint& point : tube.points) points_mm.emplace_back(point.position_mm);
     stent_points_.emplace_back(points_mm, *motion_, progress);
   }
+}
+
+/// One that hangs from a catheter, which moves.
+bool SimulatedRun::has_attached_coil() const {
+  for (std::size_t d = 0; d < now_->count(); ++d)
+    if (const auto& coil = now_->instrument(d).coil; coil && coil->laid_mm > 0) return true;
+  return false;
 }
 
 void SimulatedRun::take_coils() {
@@ -246,7 +253,8 @@ std::string SimulatedRun::stop_recording() {
     for (std::size_t d = 0; d < now_->count(); ++d)
       if (models()[d].has_sheath()) csv += fmt::format(",{:.4f}", row.hubs[d].release_mm);
     for (std::size_t d = 0; d < now_->count(); ++d)
-      if (models()[d].has_coils()) csv += fmt::format(",{:.0f}", row.hubs[d].detach);
+      if (models()[d].has_coils())
+        csv += fmt::format(",{:.0f}", row.hubs[d].detach - recorded_.front().hubs[d].detach);
     csv += '\n';
   }
   return csv;

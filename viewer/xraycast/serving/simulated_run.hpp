@@ -125,6 +125,7 @@ class SimulatedRun {
 
  private:
   void take_vessels();
+  bool has_attached_coil() const;
   void take_coils();
   std::vector<DeviceTube> moved_coils() const;
   std::vector<DeviceTube> moved_stents() const;
