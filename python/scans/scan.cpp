@@ -372,7 +372,8 @@ void add_scan(nb::module_& module) {
       nb::arg("noise_hu") = nb::none(), nb::arg("table") = false, nb::arg("seed") = 1,
       nb::arg("coronaries") = false, nb::arg("hip_prosthesis") = nb::none(), nb::arg("phase") = nb::dict(),
       nb::arg("progress") = nb::none(),
-      "A synthetic CT scan of known anatomy: thorax, head, head-neck, abdomen, cylinder, sphere, box or shepp-logan.\n\n"
+      "A synthetic CT scan of known anatomy: thorax, head, head-neck, abdomen, cylinder, sphere, box or "
+      "shepp-logan.\n\n"
       "size: voxels (x, y, z).  coronaries: of the thorax.  hip_prosthesis: of the thorax: HU of its metal.\n"
       "phase: of its movements, 0 to 1, such as {'breath': 1, 'heart': 0.4} of the thorax or {'turn': 1} of "
       "the "

@@ -65,7 +65,8 @@ TEST(Phantom, RefusesWhatItCannotMake) {
     const char* message;
   } kCases[] = {
       {"torso", [](auto&) {},
-       "unknown phantom 'torso'; choose one of thorax, head, head-neck, abdomen, cylinder, sphere, box, shepp-logan"},
+       "unknown phantom 'torso'; choose one of thorax, head, head-neck, abdomen, cylinder, sphere, box, "
+       "shepp-logan"},
       {"box", [](auto& options) { options.size = Index3(0, 8, 8); }, "phantom box: size 0 x 8 x 8"},
       {"box", [](auto& options) { options.size = Index3(8, 8, 70000); }, "phantom box: size 8 x 8 x 70000"},
       {"box", [](auto& options) { options.spacing_mm = 0.0; }, "voxel spacing 0 x 0 x 0"},
