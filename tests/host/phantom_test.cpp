@@ -54,8 +54,8 @@ TEST(VesselCourses, AreReadFromThePhantomsData) {
 }
 
 TEST(Phantom, NamesThoseThatThereAre) {
-  EXPECT_THAT(phantom_names(),
-              ElementsAre("thorax", "head", "abdomen", "cylinder", "sphere", "box", "shepp-logan"));
+  EXPECT_THAT(phantom_names(), ElementsAre("thorax", "head", "head-neck", "abdomen", "cylinder", "sphere",
+                                           "box", "shepp-logan"));
 }
 
 TEST(Phantom, RefusesWhatItCannotMake) {

@@ -7,6 +7,7 @@
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/casting/key_maps_file.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -317,6 +318,7 @@ Basis read_whole_basis(const std::filesystem::path& path) {
   if (reader.has_outline() || (reader.has_keys() && header.has("outline_radii"))) {
     basis.geometry.outline_mm = reader.read<float>("OUTL", header.count("outline_radii"));
     validate(basis.geometry, reader.name());
+    check_reach(basis.geometry, reader.name());
   }
   basis.touched = reader.read<std::uint64_t>("TILE", tile_count(basis.geometry));
   basis.weights = read_rows(reader, basis.touched, basis.knots_hu.size());

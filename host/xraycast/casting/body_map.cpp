@@ -8,6 +8,7 @@
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/small_pictures.hpp"
 #include "xraycast/casting/key_maps_file.hpp"
+#include "xraycast/casting/outline_bands.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -297,6 +298,7 @@ BodyMap read_map(const std::filesystem::path& path) {
   if (version == kOutlineVersion || file.number("xraycast:outline") != 0) {
     map.geometry.outline_mm = read_outline(file, map.geometry, outline_part, name);
     validate(map.geometry, name);
+    check_reach(map.geometry, name);
   }
   if (has_keys) return moving_map(std::move(map), std::move(keys));
   for (int k = 0; k < layers; ++k)

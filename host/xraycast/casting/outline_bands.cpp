@@ -1,5 +1,7 @@
 #include "xraycast/casting/outline_bands.hpp"
 
+#include "xraycast/base/error.hpp"
+
 #include <algorithm>
 #include <cstddef>
 
@@ -17,6 +19,14 @@ std::vector<OutlineBand> outline_bands(const MapGeometry& geometry) {
       bands.push_back({row, 1});
   }
   return bands;
+}
+
+void check_reach(const MapGeometry& geometry, const std::string& name) {
+  if (!geometry.has_outline()) return;
+  if (const float reach_mm = std::ranges::max(geometry.outline_mm);
+      reach_mm < (1 - 1e-6) * geometry.radius_mm())
+    throw InputError("{}: its outline reaches {:g} mm, but its shells {:g} mm", name, reach_mm,
+                     geometry.radius_mm());
 }
 
 }  // namespace xraycast
