@@ -24,10 +24,10 @@ double sac_inflow_ml_s(const AneurysmSac& sac, double vessel_ml_s, const CoilBed
   const double mm_s = kMm3_per_ml * std::abs(vessel_ml_s) / vessel_mm2;
   if (mm_s == 0) return 0;
   const double free_mm3_s = std::min(kNeckShare * mm_s * half_neck_mm2, mm_s * vessel_mm2);
-  const double driving_Pa = 0.5 * kBloodDensity_kg_m3 * kPa_per * mm_s * mm_s;
-  const double bed_Pa =
+  const double driving_pa = 0.5 * kBloodDensity_kg_m3 * kPa_per * mm_s * mm_s;
+  const double bed_pa =
       kBloodViscosity_Pa_s * 2 * sac.radius_mm * free_mm3_s / (permeability_mm2(bed) * half_neck_mm2);
-  return free_mm3_s / (1 + bed_Pa / driving_Pa) / kMm3_per_ml;
+  return free_mm3_s / (1 + bed_pa / driving_pa) / kMm3_per_ml;
 }
 
 }  // namespace xraycast
