@@ -19,7 +19,7 @@ export const texel_sizes = (map: MapGeometry) =>
   ({ layers: drawn_radii_mm(map).length - 1, columns: map.width + 1, quads: Math.ceil(map.height / 4) });
 
 /** The number of the band of rows that a row lies in. */
-export function outline_of(map: MapGeometry, row: number): number {
+function outline_of(map: MapGeometry, row: number): number {
   let band = 0;
   while (band + 1 < map.bands.length && map.bands[band + 1]! <= row) ++band;
   return band;

@@ -36,24 +36,30 @@ Line line_of(const RectifiedView& rectified, int column, const glm::dvec2& axis_
   return {from_axis + foot_s * direction, direction, foot_s};
 }
 
+/// What rays meet under the outline of a row.
+struct RowShells {
+  RowShells(const MapGeometry& geometry, int row, const SampleOptions& options)
+      : profile(geometry.radii_mm, options.reconstruction), knots_mm(profile.knots_mm()) {
+    if (geometry.has_outline()) outline.emplace(geometry, row);
+    const double scale = options.wall_radius_mm.value_or(geometry.radius_mm()) / geometry.radius_mm();
+    for (std::size_t k = 1; k < geometry.radii_mm.size(); ++k)
+      walls_mm.push_back(scale * geometry.radii_mm[k]);
+  }
+
+  RadialProfile profile;
+  std::vector<double> knots_mm, walls_mm;
+  std::optional<OutlineCrossings> outline;
+};
+
 class Sampler {
  public:
-  /// Of rays under the outline of a row.
-  Sampler(const MapGeometry& geometry, int row, const SampleOptions& options, std::vector<ColumnSample>& out)
-      : geometry_(geometry),
-        options_(options),
-        profile_(geometry.radii_mm, options.reconstruction),
-        knots_mm_(profile_.knots_mm()),
-        out_(out) {
-    if (geometry.has_outline()) outline_.emplace(geometry, row);
-    const double scale = options_.wall_radius_mm.value_or(geometry_.radius_mm()) / geometry_.radius_mm();
-    for (std::size_t k = 1; k < geometry.radii_mm.size(); ++k)
-      walls_mm_.push_back(scale * geometry.radii_mm[k]);
-  }
+  Sampler(const MapGeometry& geometry, const RowShells& shells, const SampleOptions& options,
+          std::vector<ColumnSample>& out)
+      : geometry_(geometry), shells_(shells), options_(options), out_(out) {}
 
   void sample(const Line& line) {
     const bool has_walls = options_.compositing == Compositing::wall;
-    if (outline_)
+    if (shells_.outline)
       has_walls ? sample_outlined_walls(line) : sample_outlined_path(line);
     else
       has_walls ? sample_walls(line) : sample_path(line);
@@ -93,7 +99,7 @@ class Sampler {
     for (const int side : {-1, 1})
       for (int k = 0; k < geometry_.layers(); ++k) {
         const int layer = side < 0 ? geometry_.layers() - 1 - k : k;
-        const double radius = walls_mm_[layer], offset = line.offset_mm();
+        const double radius = shells_.walls_mm[layer], offset = line.offset_mm();
         if (radius <= offset) continue;
         const double along = side * std::sqrt((radius - offset) * (radius + offset));
         add(line, along, along, along, 1, place_of(line, along).column, {layer, 0});
@@ -120,7 +126,7 @@ class Sampler {
 
   void sample_path(const Line& line) {
     const auto field = within_field(line);
-    for (const ShellPiece& piece : shell_pieces(knots_mm_, line.offset_mm()))
+    for (const ShellPiece& piece : shell_pieces(shells_.knots_mm, line.offset_mm()))
       sample_piece(line, piece.from_mm, piece.to_mm, field,
                    [&](double along_mm) { return place_of(line, along_mm); });
   }
@@ -138,7 +144,8 @@ class Sampler {
     if (texels <= 0.5 * options_.texels_per_step) {
       const double middle = 0.5 * (from_mm + to_mm);
       const Place place = place_at(middle);
-      return add(line, middle, from_mm, to_mm, to_mm - from_mm, place.column, profile_.at(place.radius_mm));
+      return add(line, middle, from_mm, to_mm, to_mm - from_mm, place.column,
+                 shells_.profile.at(place.radius_mm));
     }
     const int steps = static_cast<int>(std::ceil(texels / options_.texels_per_step));
     const double step = (to_mm - from_mm) / steps;
@@ -149,35 +156,33 @@ class Sampler {
         const double along = middle + side * gauss, end = middle + side * 0.5 * step;
         const Place place = place_at(along);
         add(line, along, std::min(middle, end), std::max(middle, end), 0.5 * step, place.column,
-            profile_.at(place.radius_mm));
+            shells_.profile.at(place.radius_mm));
       }
     }
   }
 
   void sample_outlined_path(const Line& line) {
-    const OutlineCrossings::Line across(*outline_, line.foot_mm, line.direction);
+    const OutlineCrossings::Line across(*shells_.outline, line.foot_mm, line.direction);
     const auto field = within_field(line);
     const auto place_at = [&](double along_mm) { return place_of(across, along_mm); };
-    const auto crossings = outline_->crossings(across, knots_mm_);
+    const auto crossings = shells_.outline->crossings(across, shells_.knots_mm);
     for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
       const double from_mm = crossings[i].along_mm, to_mm = crossings[i + 1].along_mm;
       const double radius_mm = across.shell_radius_mm(0.5 * (from_mm + to_mm));
-      if (radius_mm > knots_mm_.front() && radius_mm < knots_mm_.back())
+      if (radius_mm > shells_.knots_mm.front() && radius_mm < shells_.knots_mm.back())
         sample_piece(line, from_mm, to_mm, field, place_at);
     }
   }
 
   void sample_outlined_walls(const Line& line) {
-    const OutlineCrossings::Line across(*outline_, line.foot_mm, line.direction);
-    for (const auto& [along_mm, wall] : outline_->crossings(across, walls_mm_))
+    const OutlineCrossings::Line across(*shells_.outline, line.foot_mm, line.direction);
+    for (const auto& [along_mm, wall] : shells_.outline->crossings(across, shells_.walls_mm))
       add(line, along_mm, along_mm, along_mm, 1, across.column(along_mm), {wall, 0});
   }
 
   const MapGeometry& geometry_;
+  const RowShells& shells_;
   const SampleOptions& options_;
-  RadialProfile profile_;
-  std::vector<double> knots_mm_, walls_mm_;
-  std::optional<OutlineCrossings> outline_;
   std::vector<ColumnSample>& out_;
 };
 
@@ -207,12 +212,14 @@ void sample_projections(const RectifiedView& rectified, int column, const MapGeo
   }
 }
 
+bool are_columns(const MapGeometry& geometry, const std::vector<OutlineBand>& bands) {
+  return geometry.ray_layout != RayLayout::sphere && geometry.centre_mm.size() == 1 &&
+         bands.size() <= kMostOutlineBands;
+}
+
 }  // namespace
 
-bool has_columns(const MapGeometry& geometry) {
-  return geometry.ray_layout != RayLayout::sphere && geometry.centre_mm.size() == 1 &&
-         outline_bands(geometry).size() <= kMostOutlineBands;
-}
+bool has_columns(const MapGeometry& geometry) { return are_columns(geometry, outline_bands(geometry)); }
 
 MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options) {
   MapGeometry drawn = geometry;
@@ -222,7 +229,8 @@ MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& optio
 
 ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& geometry,
                              const SampleOptions& options) {
-  if (!has_columns(geometry))
+  const std::vector<OutlineBand> bands = outline_bands(geometry);
+  if (!are_columns(geometry, bands))
     throw InputError("column sampling needs a map with one straight axis and at most {} outlines",
                      kMostOutlineBands);
   const bool is_rectangle = geometry.ray_layout == RayLayout::rectangle;
@@ -230,14 +238,14 @@ ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& 
     throw InputError("a rectangle map can show only untilted parallel views");
   // Blocks of columns of each band, apart and then one behind the other.
   constexpr int kBlock = 64;
-  const std::vector<OutlineBand> bands = outline_bands(geometry);
+  std::vector<RowShells> shells;
+  for (const OutlineBand& band : bands) shells.emplace_back(geometry, band.first_row, options);
   const int blocks = (rectified.columns + kBlock - 1) / kBlock;
   std::vector<ColumnSamples> parts(bands.size() * static_cast<std::size_t>(blocks));
   parallel_for(std::ssize(parts), [&](std::int64_t part) {
-    const int row = bands[static_cast<std::size_t>(part / blocks)].first_row,
-              first = static_cast<int>(part % blocks) * kBlock;
+    const int first = static_cast<int>(part % blocks) * kBlock;
     auto& [columns, samples] = parts[static_cast<std::size_t>(part)];
-    Sampler sampler(geometry, row, options, samples);
+    Sampler sampler(geometry, shells[static_cast<std::size_t>(part / blocks)], options, samples);
     for (int column = first; column < std::min(first + kBlock, rectified.columns); ++column) {
       const std::size_t before = samples.size();
       if (is_rectangle)
