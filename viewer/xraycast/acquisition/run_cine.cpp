@@ -196,13 +196,7 @@ void RunCine::add_stents(const Instruments& instruments, std::vector<Surface>& s
 
 /// Those in sacs, and those within their catheters.
 void RunCine::add_coils(const Instruments& instruments, std::vector<Surface>& surfaces) const {
-  std::vector<DeviceTube> laid;
-  for (const CoilPack& pack : instruments.coil_packs())
-    for (const LaidCoil& coil : pack.coils()) {
-      const std::optional<PushedCoil> pushed = instruments.pushed_coil(coil.instrument);
-      laid.push_back(pushed ? coil_tube(coil, instruments.tip(pushed->around).scan_mm) : coil_tube(coil));
-    }
-  add_in_body(laid, instruments, surfaces);
+  add_in_body(laid_coil_tubes(instruments), instruments, surfaces);
   std::vector<glm::dvec3> nodes_mm;
   for (std::size_t d = 0; d < instruments.count(); ++d)
     if (const std::optional<PushedCoil> pushed = instruments.pushed_coil(d)) {

@@ -161,6 +161,16 @@ DeviceTube coil_tube(const LaidCoil& coil, const std::optional<glm::dvec3>& hang
   return tube;
 }
 
+std::vector<DeviceTube> laid_coil_tubes(const Instruments& instruments) {
+  std::vector<DeviceTube> tubes;
+  for (const CoilPack& pack : instruments.coil_packs())
+    for (const LaidCoil& coil : pack.coils()) {
+      const std::optional<PushedCoil> pushed = instruments.pushed_coil(coil.instrument);
+      tubes.push_back(pushed ? coil_tube(coil, instruments.tip(pushed->around).scan_mm) : coil_tube(coil));
+    }
+  return tubes;
+}
+
 DeviceTube pushed_coil_tube(const PushedCoil& coil, const std::vector<glm::dvec3>& around_mm) {
   constexpr double kStep_mm = 3;
   DeviceTube tube{.matter = DeviceMatter::platinum};

@@ -53,6 +53,9 @@ std::vector<DeviceTube> stent_tubes(const PlacedStent& stent, const VesselTree& 
 /// not detached. Nothing of less than a step.
 DeviceTube coil_tube(const LaidCoil& coil, const std::optional<glm::dvec3>& hangs_from_mm = {});
 
+/// Of all coils in sacs, as they lie there now; in the scan.
+std::vector<DeviceTube> laid_coil_tubes(const Instruments& instruments);
+
 /// What of a coil is still within the instrument around it, along the nodes of that.
 DeviceTube pushed_coil_tube(const PushedCoil& coil, const std::vector<glm::dvec3>& around_mm);
 

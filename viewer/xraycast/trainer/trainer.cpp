@@ -193,11 +193,7 @@ std::vector<DeviceTube> Trainer::devices(std::span<const std::vector<glm::dvec3>
     add(treating_tubes(nodes_mm[d], instruments_.rod(d).instrument(), treating_view(instruments_, d)));
   const std::size_t carried = all.size();
   for (const PlacedStent& stent : instruments_.treatments().stents()) add(stent_tubes(stent, *setup_.tree));
-  for (const CoilPack& pack : instruments_.coil_packs())
-    for (const LaidCoil& coil : pack.coils()) {
-      const std::optional<PushedCoil> pushed = instruments_.pushed_coil(coil.instrument);
-      all.push_back(pushed ? coil_tube(coil, instruments_.tip(pushed->around).scan_mm) : coil_tube(coil));
-    }
+  add(laid_coil_tubes(instruments_));
   if (body_ && all.size() > carried) {
     const HeldMotion held = body_->motion()->held_at(exposed_phases_);
     for (std::size_t t = carried; t < all.size(); ++t)
