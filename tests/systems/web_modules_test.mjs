@@ -437,11 +437,13 @@ test("what the program and the page both say is the same", () => {
 });
 
 /** A map of two layers, whose samples tell their layers apart. */
-function small_map() {
+/** A map of as many bands of rows as `bands` has first rows; the outline of each but the first is narrower. */
+function small_map(bands = [0]) {
+  const of_bands = (first, step) => Float32Array.from({ length: 8 * bands.length }, (_, i) => first - step * Math.floor(i / 8));
   const width = 8, height = 6, map = {
     width, height, layers: 2, radii_mm: [0, 40, 60], centre_mm: [0, 0], top_mm: 50, row_mm: 20, field_mm: null, has_outline: false,
     bounds: { centre_mm: [0, 0, 0], radius_mm: 60, half_height_mm: 60, finest_mm: 1 },
-    reaches_mm: new Float32Array(width).fill(60), scales: new Float32Array(width).fill(1),
+    bands, reaches_mm: of_bands(60, 5), scales: of_bands(1, 0.25),
   };
   const tau = Float32Array.from({ length: 2 * width * height }, (_, i) => 0.1 + 0.01 * ((7 * i) % 13));
   return { map, tau };
@@ -477,10 +479,21 @@ test("weights of layers act on samples as they would on the map", () => {
 });
 
 test("a map is the same in bands of any height", () => {
-  const { map, tau } = small_map(), columns = map.width + 1, [whole] = drawn_bands(map, tau, 2);
-  for (const { first_quad, quads, values } of drawn_bands(map, tau, 1))
-    for (let line = 0; line < 4 * columns; ++line)
-      assert.deepEqual(values.slice(4 * quads * line, 4 * quads * (line + 1)), whole.values.slice(8 * line + 4 * first_quad, 8 * line + 4 * (first_quad + quads)));
+  for (const bands of [[0], [0, 3]]) {
+    const { map, tau } = small_map(bands), columns = map.width + 1, [whole] = drawn_bands(map, tau, 2);
+    for (const { first_quad, quads, values } of drawn_bands(map, tau, 1))
+      for (let line = 0; line < 4 * columns; ++line)
+        assert.deepEqual(values.slice(4 * quads * line, 4 * quads * (line + 1)), whole.values.slice(8 * line + 4 * first_quad, 8 * line + 4 * (first_quad + quads)));
+  }
+});
+
+test("rows are solved over the outline of their own band", () => {
+  const { map, tau } = small_map([0, 3]), [{ values: both }] = drawn_bands(map, tau, 2);
+  const of_band = (band) => ({ ...map, bands: [0], reaches_mm: map.reaches_mm.slice(8 * band, 8 * band + 8), scales: map.scales.slice(8 * band, 8 * band + 8) });
+  const [above, below] = [0, 1].map((band) => drawn_bands(of_band(band), tau, 2).next().value.values);
+  for (let line = 0; line < both.length / 8; ++line) // a column of a layer, of 6 rows and 2 that fill its quads
+    for (let row = 0; row < 6; ++row) assert.equal(both[8 * line + row], (row < 3 ? above : below)[8 * line + row]);
+  assert.notDeepEqual(above, below);
 });
 
 const kClocks = JSON.parse(readFileSync(new URL("body_clock.json", import.meta.url), "utf8")).clocks;
