@@ -21,9 +21,8 @@ vec4 sum_of(vec4 column, int quad) {
   vec4 slopes = slope_of(row, column.z);
   if (!rays_meet_band(column, row, slopes)) return sum;
   for (int i = first; i < end; ++i) {
-    vec4 sample_ = texelFetch(sample_table, 2 * i);
-    float s_mm = texelFetch(sample_table, 2 * i + 1).x;
-    sum += sample_.y * rows_of(sample_, range_of(i), row + slopes * s_mm);
+    vec4 sample_ = texelFetch(sample_table, 2 * i), where = texelFetch(sample_table, 2 * i + 1);
+    sum += sample_.y * rows_of(sample_, where, range_of(i), row, slopes);
   }
   return sum * secant(slopes);
 #endif

@@ -50,8 +50,8 @@ bool meets_band(float upper, float lower) {
 bool rays_meet_band(vec4 column, vec4 row, vec4 slopes) {
 #ifdef BANDS
   if (column.y == 0.0) return false;
-  float from_mm = texelFetch(sample_table, 2 * int(column.x) + 1).x;
-  float to_mm = texelFetch(sample_table, 2 * int(column.x + column.y) - 1).x;
+  float from_mm = texelFetch(sample_table, 2 * int(column.x) + 1).y;
+  float to_mm = texelFetch(sample_table, 2 * int(column.x + column.y) - 1).z;
   vec4 at_from = row + slopes * from_mm, at_to = row + slopes * to_mm;
   return meets_band(min(at_from.x, at_to.x), max(at_from.w, at_to.w));
 #else
@@ -68,6 +68,14 @@ vec4 share_of_band(int quad) {
   return vec4(1.0);
 #endif
 }
+
+#ifdef BANDS
+// How much of a sample of the band counts in these rows of the map, to both sides of which the ray passes `reach` rows
+// while the sample stands for it.
+vec4 share_of_rows(vec4 row, vec4 reach) {
+  return clamp((min(row + reach, band_rows.y + 0.5) - max(row - reach, band_rows.x - 0.5)) / (2.0 * reach), 0.0, 1.0);
+}
+#endif
 
 // What the bytes of a sample's layers stand for.
 vec4 range_of(int sample_index) {
@@ -111,16 +119,19 @@ vec4 secant(vec4 rows_per_mm) {
 
 #include "row_steps.glsl"
 
-// The map of a sample in four rows, which ascend and are no farther apart than the map's.
-vec4 rows_of(vec4 sample_, vec4 range, vec4 row) {
+// The map of a sample, whose place is `where`, along four rays with these slopes. They cross the rectified plane in rows
+// that ascend and are no farther apart than the map's.
+vec4 rows_of(vec4 sample_, vec4 where, vec4 range, vec4 row, vec4 slopes) {
+  row += slopes * where.x;
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
+#ifdef BANDS
+  if (leaves_band) within = clamp(within, band_rows.x, band_rows.y);
+#endif
   int quad = int(within.x) / 4;
   vec4 upper = quad_of(sample_, range, quad), lower = quad_of(sample_, range, min(quad + 1, quads - 1));
+  vec4 values = rows_of_quads(upper, lower, quad, row, within, map_rows);
 #ifdef BANDS
-  if (leaves_band) {
-    upper *= share_of_band(quad);
-    lower *= share_of_band(quad + 1);
-  }
+  if (leaves_band) values *= share_of_rows(row, 0.5 * max(vec4(1.0), abs(slopes) * (where.z - where.y)));
 #endif
-  return rows_of_quads(upper, lower, quad, row, within, map_rows);
+  return values;
 }

@@ -20,9 +20,8 @@ vec4 sum_of(vec4 column, int quad) {
   vec4 slopes = slope_of(row, column.z);
   if (!rays_meet_band(column, row, slopes)) return sum;
   for (int i = first; i < end; ++i) {
-    vec4 sample_ = entry(sample_table, 2 * i);
-    float s_mm = entry(sample_table, 2 * i + 1).x;
-    sum += sample_.y * rows_of(sample_, row + slopes * s_mm);
+    vec4 sample_ = entry(sample_table, 2 * i), where = entry(sample_table, 2 * i + 1);
+    sum += sample_.y * rows_of(sample_, where, row, slopes);
   }
   return sum * secant(slopes);
 }

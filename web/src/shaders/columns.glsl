@@ -33,8 +33,8 @@ bool rays_meet_band(vec4 column, vec4 row, vec4 slopes) {
   leaves_band = false;
   if (bands == 1) return true;
   if (column.y == 0.0) return false;
-  float from_mm = entry(sample_table, 2 * int(column.x) + 1).x;
-  float to_mm = entry(sample_table, 2 * int(column.x + column.y) - 1).x;
+  float from_mm = entry(sample_table, 2 * int(column.x) + 1).y;
+  float to_mm = entry(sample_table, 2 * int(column.x + column.y) - 1).z;
   vec4 at_from = row + slopes * from_mm, at_to = row + slopes * to_mm;
   return meets_band(min(at_from.x, at_to.x), max(at_from.w, at_to.w));
 }
@@ -43,6 +43,12 @@ bool rays_meet_band(vec4 column, vec4 row, vec4 slopes) {
 vec4 share_of_band(int quad) {
   vec4 row = float(4 * quad) + vec4(0.0, 1.0, 2.0, 3.0);
   return step(band_rows.x, row) * step(row, vec4(band_rows.y));
+}
+
+// How much of a sample of the band counts in these rows of the map, to both sides of which the ray passes `reach` rows
+// while the sample stands for it.
+vec4 share_of_rows(vec4 row, vec4 reach) {
+  return clamp((min(row + reach, band_rows.y + 0.5) - max(row - reach, band_rows.x - 0.5)) / (2.0 * reach), 0.0, 1.0);
 }
 
 // Four rows of the map, interpolated between the columns and layers of a sample.
@@ -64,14 +70,14 @@ vec4 secant(vec4 rows_per_mm) {
   return sqrt(1.0 + rise * rise);
 }
 
-// The map of a sample in four rows, which ascend and are no farther apart than the map's.
-vec4 rows_of(vec4 sample_, vec4 row) {
+// The map of a sample, whose place is `where`, along four rays with these slopes. They cross the rectified plane in rows
+// that ascend and are no farther apart than the map's.
+vec4 rows_of(vec4 sample_, vec4 where, vec4 row, vec4 slopes) {
+  row += slopes * where.x;
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
+  if (leaves_band) within = clamp(within, band_rows.x, band_rows.y);
   int quad = int(within.x) / 4;
   vec4 upper = quad_of(sample_, quad), lower = quad_of(sample_, min(quad + 1, int(quads) - 1));
-  if (leaves_band) {
-    upper *= share_of_band(quad);
-    lower *= share_of_band(quad + 1);
-  }
-  return rows_of_quads(upper, lower, quad, row, within, map_rows);
+  vec4 values = rows_of_quads(upper, lower, quad, row, within, map_rows);
+  return leaves_band ? values * share_of_rows(row, 0.5 * max(vec4(1.0), abs(slopes) * (where.z - where.y))) : values;
 }
