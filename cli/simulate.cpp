@@ -165,9 +165,8 @@ void check_cine(const SimulateArguments& options) {
     if (parse_fluoroscope(options.fluoroscope))
       throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
     return check_not_given(*options.command,
-                           {"--map", "--look", "--inject", "--injection-rate", "--injection-volume",
-                            "--iodine", "--mask-shift", "--mask-phase", "--max-opacification", "--gate",
-                            "--angle", "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
+                           {"--map", "--look", "--mask-shift", "--mask-phase", "--max-opacification",
+                            "--gate", "--angle", "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
                            "without pictures of the run; leave it out or give --cine too");
   }
   const PictureOptions picture = picture_of(options);
@@ -243,7 +242,7 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   RunRequest request = parse_run(options.run, options.tree);
   request.blood.heart_rate_bpm = heart_rate_bpm;
   if (exercise) apply(*exercise, options.run, request);
-  if (!options.cine.empty()) request.injection = parse_injection(options.injection);
+  request.injection = parse_injection(options.injection);
   invocation.say(check(request));
   if (request.body.motion) invocation.say(request.body.motion->warnings());
 
@@ -263,6 +262,11 @@ void simulate(SimulateArguments options, Invocation& invocation) {
       monitor->add(moved, cine ? cine->use() : RunUse{});
   });
   const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
+  if (monitor && !run.embolised.empty()) {
+    RunUse use = cine ? cine->use() : RunUse{};
+    use.embolised = run.embolised;
+    monitor->use(use);
+  }
   OutputSet outputs;
   write_whole_file(options.log, to_csv(run));
   const std::vector<fs::path> plots = plots_of(options);
@@ -282,6 +286,17 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   if (exercise) pictures += in_words(*monitor->progress()) + "\n";
   for (const Treatment& treatment : run.treatments) pictures += in_words(treatment, *request.tree) + "\n";
   for (const Coiling& coiling : run.coilings) pictures += in_words(coiling) + "\n";
+  for (const Embolised& embolised : run.embolised) {
+    result["embolised"].push_back({{"branch", embolised.branch},
+                                   {"vessel", embolised.vessel},
+                                   {"particles", embolised.particles},
+                                   {"periphery_percent", 100 * embolised.open_share}});
+    pictures += in_words(embolised) + "\n";
+  }
+  if (run.escaped_particles >= 1) {
+    result["escaped_particles"] = run.escaped_particles;
+    pictures += fmt::format("{:.0f} particles went back through the tree's root\n", run.escaped_particles);
+  }
   if (const auto exposure = cine ? cine->exposure() : std::nullopt) {
     result["fluoroscope"] = to_json(*exposure);
     pictures += summary(*exposure);

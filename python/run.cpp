@@ -51,14 +51,32 @@ Script script_of(const nb::object& script, std::size_t instruments) {
   return Script::of(std::move(rows), "script", instruments);
 }
 
+/// Between two times; none where they are None.
+Injection injection_of(const nb::object& times, double rate_ml_s, double iodine_mg_ml, double particles_mm) {
+  Injection injection{.rate_ml_s = rate_ml_s, .agent_mg_ml = iodine_mg_ml, .particles = {particles_mm}};
+  if (times.is_none()) {
+    if (particles_mm != 0) throw InputError("particles_mm {:g}: needs `inject` too", particles_mm);
+    return injection;
+  }
+  const Numbers numbers = numbers_of(times, "inject");
+  if (numbers.shape.size() != 1 || numbers.shape[0] != 2)
+    throw InputError("inject: must be the times (from, to), in s");
+  injection.from_s = numbers.values[0];
+  injection.to_s = numbers.values[1];
+  check(injection);
+  return injection;
+}
+
 HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::object& script,
                  const nb::object& entry, double interval_s, const PathArgument& motion,
                  const PhaseArgument& phase, const PathArgument& exercise, double heart_rate_bpm,
-                 const nb::object& progress) {
+                 const nb::object& inject, double injection_rate_ml_s, double iodine_mg_ml,
+                 double particles_mm, const nb::object& progress) {
   HeldRun held{run_of(tree, instruments, entry, motion, phase, "instruments"), {}};
   held.request.script = script_of(script, held.request.instruments.size());
   held.request.interval_s = interval_s;
   held.request.blood.heart_rate_bpm = heart_rate_bpm;
+  held.request.injection = injection_of(inject, injection_rate_ml_s, iodine_mg_ml, particles_mm);
   const std::optional<Exercise> task = take_exercise(held.request, entry, exercise);
   return result_of(progress, [&](Progress& reported) {
     std::vector<std::string> notes = check(held.request);
@@ -72,6 +90,7 @@ HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::
         monitor.emplace(moved, names_of(held.request.instruments), progress_of(task, *tree.tree));
       if (held.recorded) held.recorded->record(moved, time_s);
     });
+    monitor->use({.embolised = held.run.embolised});
     held.report = monitor->json(true);
     notes.insert(notes.end(), held.run.notes.begin(), held.run.notes.end());
     held.run.notes = std::move(notes);
@@ -180,6 +199,17 @@ void add_run(nb::module_& module) {
           "held_s", [](const HeldRun& r) { return r.run.held_s; },
           "For so long a hub did not advance, since the push force was 3 N already.")
       .def_prop_ro(
+          "embolised",
+          [](const HeldRun& r) {
+            nb::list leaves;
+            for (const Embolised& leaf : r.run.embolised)
+              leaves.append(nb::make_tuple(leaf.branch, leaf.particles, leaf.open_share));
+            return leaves;
+          },
+          nb::sig("def embolised(self) -> list[tuple[int, float, float]]"),
+          "Where injected particles went: the number of a branch, that of the particles behind its end, and "
+          "how much of its periphery's conductance is left, 0 to 1.")
+      .def_prop_ro(
           "notes", [](const HeldRun& r) { return text_objects(r.run.notes); },
           "What to know of the run, such as other ends at which the instruments might have entered.")
       .def("plot", plot_of, nb::arg("instrument") = 0, kShared,
@@ -202,12 +232,17 @@ void add_run(nb::module_& module) {
       "simulate", simulate, nb::arg("tree"), nb::arg("instruments").none(), nb::arg("script").none(),
       nb::kw_only(), nb::arg("entry") = nb::none(), nb::arg("interval_s") = 0.0,
       nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(), nb::arg("exercise") = nb::none(),
-      nb::arg("heart_rate_bpm") = Blood{}.heart_rate_bpm, nb::arg("progress") = nb::none(),
+      nb::arg("heart_rate_bpm") = Blood{}.heart_rate_bpm, nb::arg("inject") = nb::none(),
+      nb::arg("injection_rate_ml_s") = Injection{}.rate_ml_s,
+      nb::arg("iodine_mg_ml") = Injection{}.agent_mg_ml, nb::arg("particles_mm") = 0.0,
+      nb::arg("progress") = nb::none(),
       nb::sig("def simulate(tree: VesselTree, instruments: collections.abc.Sequence[str | os.PathLike[str]], "
               "script: str | os.PathLike[str] | numpy.typing.ArrayLike, *, "
               "entry: int | numpy.typing.ArrayLike | None = None, interval_s: float = 0.0, "
               "motion: str | os.PathLike[str] | None = None, phase: dict[str, float] | None = None, "
               "exercise: str | os.PathLike[str] | None = None, heart_rate_bpm: float = 70.0, "
+              "inject: numpy.typing.ArrayLike | None = None, injection_rate_ml_s: float = 5.0, "
+              "iodine_mg_ml: float = 350.0, particles_mm: float = 0.0, "
               "progress: xraycast._progress.Listener | None = None) -> Run"),
       "Moves instruments through a VesselTree by a script, as fast as the machine can, and returns a Run.\n\n"
       "instruments: names of instruments or their JSON files, the outermost first; up to three, one in the "
@@ -222,7 +257,10 @@ void add_run(nb::module_& module) {
       "motion: a motion.json, by which the body moves from 0 s on.  phase: a dict of modes that are held, "
       "and "
       "their phases, 0 to 1.  exercise: a file of a task, which Run.report() tells of, and whose entry is "
-      "the default.  heart_rate_bpm: beats per minute, which pace the blood; 0: it flows steadily.");
+      "the default.  heart_rate_bpm: beats per minute, which pace the blood; 0: it flows steadily.\n"
+      "inject: times (from, to) in s, between which contrast agent is injected at the tip, at "
+      "`injection_rate_ml_s`, of `iodine_mg_ml`, with particles of `particles_mm` in it, which close the "
+      "arterioles where the blood takes them (Run.embolised).");
 }
 
 }  // namespace xraycast::python

@@ -11,11 +11,12 @@
 
 namespace xraycast::cli {
 
-/// --inject, --injection-rate, --injection-volume, --iodine and --heart-rate, as given.
+/// --inject, --injection-rate, --injection-volume, --iodine, --particles and --heart-rate, as given.
 struct InjectionOptions {
   std::string times;
   double rate_ml_s = Injection{}.rate_ml_s, iodine_mg_ml = Injection{}.agent_mg_ml, heart_rate_bpm = 70;
   std::optional<double> volume_ml;
+  double particles_mm = 0;
 };
 
 void add_injection_options(CLI::App& command, InjectionOptions& options);

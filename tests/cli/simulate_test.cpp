@@ -202,6 +202,27 @@ TEST_F(SimulateCommand, SaysHowMuchContrastAgentInstrumentsHoldBack) {
                 "in the others; draw it back to 0 to inject\n"));
 }
 
+TEST_F(SimulateCommand, ParticlesInTheAgentEmboliseWhatLiesBehind) {
+  make_push_and_tree(folder_);
+  const std::string line =
+      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --inject "
+      "0.2,0.8 "
+      "--injection-rate 2 ";
+  EXPECT_FALSE(json_of(line).contains("embolised"));
+  const Json run = json_of(line + "--particles 0.3 --report @/run.json");
+  ASSERT_TRUE(run.contains("embolised"));
+  double particles = run.value("escaped_particles", 0.0);
+  for (const Json& leaf : run["embolised"]) {
+    particles += leaf["particles"].get<double>();
+    EXPECT_LT(leaf["periphery_percent"], 100);
+  }
+  // 1.2 ml of 60 mm3 a ml in spheres of 0.01414 mm3.
+  EXPECT_NEAR(particles, 1.2 * 60 / 0.014137, 20);
+  EXPECT_THAT(output_of(line + "--particles 0.3"), HasSubstr(" of its conductance left\n"));
+  const Json report = Json::parse(read_bytes(folder_ / "run.json"));
+  EXPECT_EQ(report["treatments"][0]["device"], "particles");
+}
+
 TEST_F(SimulateCommand, SubtractsARunFromItsFramesBeforeTheInjection) {
   make_run(folder_);
   const std::string line =

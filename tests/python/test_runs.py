@@ -258,6 +258,21 @@ def test_a_stent_is_released_from_its_sheath(tree):
     assert xc.Catheter(tree, "cobra-5f").state.free_rings is None
 
 
+def test_particles_embolise_what_lies_behind(tree):
+    script = [(0, 30, 0), (1.5, 30, 0)]
+    run = xc.simulate(tree, ["cobra-5f"], script, entry=0, inject=(0.2, 1.2), injection_rate_ml_s=2, particles_mm=0.3)
+    assert run.embolised and all(particles >= 1 and 0 <= share < 1 for _, particles, share in run.embolised)
+    counted = sum(particles for _, particles, _ in run.embolised)
+    assert counted <= 2 * 60 / 0.014137 + 1  # 2 ml of 60 mm3 a ml, but what went back through the root
+    treatments = run.report()["treatments"]
+    assert [t["branch"] for t in treatments] == [branch for branch, *_ in run.embolised]
+    assert not xc.simulate(tree, ["cobra-5f"], script, entry=0, inject=(0.2, 1.2)).embolised
+    for arguments, message in [({"particles_mm": 0.3}, "needs inject too"), ({"inject": (1, 0.5)}, "must begin at 0 s or later"),
+                               ({"inject": 3}, "must be the times"), ({"inject": (0.2, 1), "particles_mm": 5}, "a diameter of 0.1 to 1.2 mm")]:
+        with pytest.raises(xc.InputError, match=message):
+            xc.simulate(tree, ["cobra-5f"], script, entry=0, **arguments)
+
+
 def basilar_tip():
     """A vessel that forks around an aneurysm of 10 mm straight ahead."""
     def line(start, end, radius_mm):

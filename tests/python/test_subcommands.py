@@ -14,7 +14,8 @@ OWNERS = {"xc": xc, "scan": xc.Scan, "body": xc.BodyMap, "basis": xc.Basis, "fra
           "run": xc.Run, "flow": xc.BloodFlow, "comparison": xc.Comparison, "edited": xc.EditedVessels}
 # Arguments with another name than their option's, but for units.
 NAMES = {"output": "path|folder|output", "heart_rate": "heart_rate_bpm", "device": "name", "isocentre": "centre_mm", "device_model": "instruments",
-         "label": "labels", "not": "not_vessels", "seed": "seeds", "period": "period_s", "object": "objects"}
+         "label": "labels", "not": "not_vessels", "seed": "seeds", "period": "period_s", "object": "objects",
+         "injection_rate": "injection_rate_ml_s"}
 pytestmark = pytest.mark.skipif(not PROGRAM, reason="XRAYCAST_PROGRAM names no program")
 
 

@@ -185,17 +185,24 @@ TEST(BrowserHand, FillsBalloonsAndDrawsSheathsOnce) {
   BrowserHand hand(0);
   ASSERT_TRUE(hand.receive(R"({"balloon": {"instrument": 1, "bar": 8}})", kStart));
   ASSERT_TRUE(hand.receive(R"({"sheath": {"instrument": 0, "mm": 20}})", kStart));
+  ASSERT_TRUE(hand.receive(R"({"particles": {"mm": 0.5}})", kStart));
+  ASSERT_TRUE(hand.receive(R"({})", kStart));
   ASSERT_TRUE(hand.receive(R"({"push": 1})", kStart));
   const LiveCommands told = hand.commands(kStart), again = hand.commands(kStart);
   EXPECT_FALSE(told.balloons_bar[0]);
   EXPECT_EQ(told.balloons_bar[1], 8);
   EXPECT_EQ(told.sheaths_mm[0], 20);
+  ASSERT_TRUE(told.particles);
+  EXPECT_EQ(told.particles->diameter_mm, 0.5);
+  EXPECT_FALSE(again.particles);
   EXPECT_FALSE(again.balloons_bar[1] || again.sheaths_mm[0]);
   for (const char* text :
        {R"({"balloon": 8})", R"({"balloon": {}})", R"({"balloon": {"instrument": 1}})",
         R"({"balloon": {"bar": 1}})", R"({"balloon": {"instrument": 3, "bar": 8}})",
         R"({"balloon": {"instrument": 0.5, "bar": 8}})", R"({"balloon": {"instrument": 0, "bar": -1}})",
-        R"({"balloon": {"instrument": 0, "bar": "8"}})", R"({"sheath": {"instrument": 0, "mm": 1e9}})"})
+        R"({"balloon": {"instrument": 0, "bar": "8"}})", R"({"sheath": {"instrument": 0, "mm": 1e9}})",
+        R"({"particles": {"mm": 0.05}})", R"({"particles": {"mm": 2}})", R"({"particles": 0.5})",
+        R"({"particles": {}})"})
     EXPECT_FALSE(hand.receive(text, kStart)) << text;
 }
 

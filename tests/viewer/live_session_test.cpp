@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -239,6 +240,20 @@ TEST_F(Live, MovesTheHubAndInjects) {
   EXPECT_GT(intervention_->run().now().pose.insertion_mm, 10);
   // Of half a second, but for the first frames.
   EXPECT_NEAR(intervention_->run().injected_ml(), 4 * intervention_->run().now().time_s, 0.4);
+}
+
+TEST_F(Live, EmbolisesByParticlesInTheAgent) {
+  outlet_.commanded.injection_ml_s = 4;
+  while (intervention_->run().injected_ml() < 0.5) frames(1);
+  EXPECT_TRUE(intervention_->run().embolised().empty());
+  other_.commanded.particles = Particles{0.3};
+  frames(1);
+  other_.commanded.particles.reset();
+  while (intervention_->run().injected_ml() < 2) frames(1);
+  ASSERT_FALSE(intervention_->run().embolised().empty());
+  EXPECT_LT(intervention_->run().embolised().front().open_share, 1);
+  frames(2);
+  EXPECT_THAT(intervention_->run().monitor().json(false), testing::HasSubstr("periphery_percent"));
 }
 
 TEST_F(Live, FillsBalloonsAndDrawsSheaths) {

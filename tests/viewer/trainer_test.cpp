@@ -267,6 +267,23 @@ TEST(Trainer, TreatsAsItsStepsRepeated) {
   EXPECT_EQ(again.tip(0).position_mm, trainer.instruments().tip(0).position_mm);
 }
 
+TEST(Trainer, EmbolisesByParticlesInTheAgent) {
+  Trainer trainer(setup_with({"cobra-5f"}, {0}));
+  trainer.hold({.injects = true});
+  const auto inject = [&] {
+    for (int i = 0; i < 10; ++i) {
+      trainer.advance(33);
+      trainer.message();
+    }
+    trainer.advance(1);  // counts
+  };
+  inject();
+  EXPECT_THAT(trainer.monitor().json(false), testing::Not(testing::HasSubstr("particles")));
+  trainer.mix_in({0.3});
+  inject();
+  EXPECT_THAT(trainer.monitor().json(false), testing::HasSubstr("\"device\":\"particles\""));
+}
+
 TEST(Trainer, FollowsAScriptAsTheInstrumentsDo) {
   const TrainerSetup setup = setup_with({"cobra-5f"}, {0});
   Trainer trainer(setup);

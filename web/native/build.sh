@@ -19,7 +19,7 @@ sources="
   simulation/xraycast/coaxial/placed_stent simulation/xraycast/coaxial/rod_curve simulation/xraycast/coaxial/self_expansion
   simulation/xraycast/coaxial/treatment
   simulation/xraycast/blood_flow/flow_network simulation/xraycast/blood_flow/heartbeat simulation/xraycast/blood_flow/rest_flow
-  simulation/xraycast/blood_flow/sac_inflow simulation/xraycast/blood_flow/tree_flow simulation/xraycast/blood_flow/vessel_impedance
+  simulation/xraycast/blood_flow/embolisation simulation/xraycast/blood_flow/sac_inflow simulation/xraycast/blood_flow/tree_flow simulation/xraycast/blood_flow/vessel_impedance
   simulation/xraycast/simulation/agent_outlet simulation/xraycast/simulation/coiling
   simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/instrument_pressures simulation/xraycast/simulation/laminar_vessel
   simulation/xraycast/simulation/exercise simulation/xraycast/simulation/exercise_progress

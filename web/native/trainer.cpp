@@ -72,6 +72,7 @@ EMSCRIPTEN_KEEPALIVE void trainer_inflate(std::size_t instrument, double bar) {
 EMSCRIPTEN_KEEPALIVE void trainer_draw_sheath(std::size_t instrument, double mm) {
   trainer->draw_sheath(instrument, mm);
 }
+EMSCRIPTEN_KEEPALIVE void trainer_particles(double mm) { trainer->mix_in({mm}); }
 EMSCRIPTEN_KEEPALIVE const char* trainer_exchange(std::size_t instrument, std::size_t choice) {
   return failure_of([&] { trainer->exchange(instrument, choice); });
 }

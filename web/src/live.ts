@@ -112,6 +112,11 @@ export class LiveView {
     this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send({ [action]: true }));
     this.exchange = trainer && trainer.choices.length > names.length ? new Exchange(trainer, (exchange) => this.send({ exchange })) : null;
     this.treating = live.has_hub ? new Treating((order) => this.send(order)) : null;
+    const particles = element<HTMLSelectElement>("particles");
+    particles.addEventListener("change", () => {
+      this.send({ particles: { mm: Number(particles.value) } });
+      particles.blur(); // arrows steer again
+    });
     this.connection = trainer && worker ? this.simulate(trainer, worker, names, motion) : location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
     store.on_change((state, before) => state.pose !== before.pose && this.steering.steers && this.tell_c_arm());
@@ -328,7 +333,7 @@ export class LiveView {
     event.stopImmediatePropagation();
   }
 
-  private send(once: { [action in SteeringAction]?: boolean } & Partial<Record<"balloon" | "sheath", object>> & { body?: BodyChange; exchange?: ExchangeOrder; shows_series?: boolean; save_report?: boolean } = {}): void {
+  private send(once: { [action in SteeringAction]?: boolean } & Partial<Record<"balloon" | "sheath" | "particles", object>> & { body?: BodyChange; exchange?: ExchangeOrder; shows_series?: boolean; save_report?: boolean } = {}): void {
     if (!this.steering.steers || !this.connection) return;
     const { pose } = this.store.state, message: Record<string, unknown> = { ...this.steering.held, ...once };
     if (this.has_moved && !this.trainer) message.c_arm = { lao_deg: pose.lao_deg, cranial_deg: pose.cranial_deg, zoom: pose.zoom, table_mm: pose.table_mm };

@@ -28,6 +28,7 @@ const kOfTreatment = [
   figure("stenosis_before_percent", "stenosis before", "%"), figure("residual_stenosis_percent", "residual stenosis", "%"), figure("oversizing", "stent to vessel", "", 2),
   figure("sheathed_rings", "rings still in the sheath"), figure("stent_mm", "stent's diameter", "mm", 2), figure("malapposition_mm", "struts off the wall, largest", "mm", 2),
   figure("coil_mm", "coil in the sac", "mm"), figure("sac_mm3", "volume of the sac", "mm³"), figure("packing_percent", "packing density", "%", 1), figure("inflow_percent", "the sac's inflow, of that without coils", "%"),
+  figure("particles", "particles"), figure("periphery_percent", "conductance left of the periphery", "%"),
 ];
 const kOverTime = [figure("insertion_mm", "insertion", "mm"), figure("force_N", "force at the hub", "N", 2), figure("wall_force_N", "force on the wall", "N", 2)];
 

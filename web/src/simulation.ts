@@ -17,6 +17,7 @@ interface Exports {
   trainer_exchange(instrument: number, choice: number): number;
   trainer_inflate(instrument: number, bar: number): void;
   trainer_draw_sheath(instrument: number, mm: number): void;
+  trainer_particles(mm: number): void;
   trainer_advance(steps: number): void;
   trainer_follow(): void;
   trainer_report(has_series: boolean): number;
@@ -85,6 +86,11 @@ export class Simulation {
 
   draw_sheath(instrument: number, mm: number): void {
     this.calls.trainer_draw_sheath(instrument, mm);
+  }
+
+  /** Particles of this diameter, 0 for none, into the agent. */
+  mix_in(mm: number): void {
+    this.calls.trainer_particles(mm);
   }
 
   /** Of a body in motion, whose modes have these names. Why it was refused, or null. */

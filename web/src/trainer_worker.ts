@@ -23,6 +23,7 @@ export interface Order extends HandHolds {
   exchange?: { instrument: number; choice: number };
   balloon?: { instrument: number; bar: number };
   sheath?: { instrument: number; mm: number };
+  particles?: { mm: number }; // in the agent from now on
   body?: BodyChange;
   shows_series?: boolean; // of reports from now on
   save_report?: boolean;
@@ -106,6 +107,7 @@ function obey(order: Order): void {
   }
   if (order.balloon) simulation.inflate(order.balloon.instrument, order.balloon.bar);
   if (order.sheath) simulation.draw_sheath(order.sheath.instrument, order.sheath.mm);
+  if (order.particles) simulation.mix_in(order.particles.mm);
   if (order.body) change_body(order.body);
   if (order.save_report) scope.postMessage({ saved: simulation.report(true) });
   if (!order.exchange) return;

@@ -62,6 +62,7 @@ TreeFlow::TreeFlow(const VesselTree& tree, const Blood& blood)
       behind_(tree.branches().size()),
       share_(tree.branches().size(), 1),
       peak_ml_s_(tree.branches().size()),
+      embolisation_(tree, rest_),
       network_(nodes_of(blood)) {
   for (std::size_t b = 0; b < upper_.size(); ++b) divide(b, 0.5 * tree.branches()[b].arc_length_mm.back());
   begin();
@@ -181,7 +182,8 @@ void TreeFlow::begin() {
   }
 }
 
-void TreeFlow::step(double time_s, const VesselTree::Location& tip, double injection_ml_s) {
+void TreeFlow::step(double time_s, const VesselTree::Location& tip, double injection_ml_s,
+                    const Particles& particles) {
   if (injected_) network_.set_inflow(*injected_, 0);
   injected_.reset();
   if (injection_ml_s > 0) {
@@ -193,6 +195,21 @@ void TreeFlow::step(double time_s, const VesselTree::Location& tip, double injec
   beat(time_s_, time_s_ + time_s);
   network_.step(time_s);
   time_s_ += time_s;
+  if (injection_ml_s > 0 && particles.are_any())
+    embolise(particles.per_ml() * injection_ml_s * time_s, particles.diameter_mm,
+             static_cast<std::size_t>(tip.branch));
+}
+
+/// By the flows of the last step.
+void TreeFlow::embolise(double count, double diameter_mm, std::size_t branch) {
+  Embolisation::Flows flows;
+  for (std::size_t b = 0; b < upper_.size(); ++b) {
+    flows.start_ml_s.push_back(start_ml_s(b));
+    flows.end_ml_s.push_back(end_ml_s(b));
+  }
+  embolisation_.add(count, diameter_mm, branch, flows);
+  for (std::size_t b = 0; b < upper_.size(); ++b)
+    if (embolisation_.open_share(b) < 1) set_periphery(b, embolisation_.open_share(b));
 }
 
 double TreeFlow::sac_ml_s(std::size_t sac) const {

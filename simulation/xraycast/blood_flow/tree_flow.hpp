@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/blood_flow/blood.hpp"
+#include "xraycast/blood_flow/embolisation.hpp"
 #include "xraycast/blood_flow/flow_network.hpp"
 #include "xraycast/blood_flow/heartbeat.hpp"
 #include "xraycast/blood_flow/rest_flow.hpp"
@@ -32,8 +33,10 @@ class TreeFlow {
   /// The tree must outlive it. Throws as check of Blood.
   TreeFlow(const VesselTree& tree, const Blood& blood);
 
-  /// Advances by a time above 0, at most kLongestStep_s, while so much is injected at a place of the tree.
-  void step(double time_s, const VesselTree::Location& tip, double injection_ml_s);
+  /// Advances by a time above 0, at most kLongestStep_s, while so much is injected at a place of the tree,
+  /// with particles in it.
+  void step(double time_s, const VesselTree::Location& tip, double injection_ml_s,
+            const Particles& particles = {});
 
   /// Through the ends of a branch in the last step, in its mean, away from the root. They differ by what is
   /// injected in it.
@@ -76,9 +79,10 @@ class TreeFlow {
   void set_lumens(const VesselTree& tree);
   /// How much of a branch's conductance is left: 0 closes it, as a balloon does.
   void set_conductance(std::size_t branch, double share);
-  /// How much of the periphery's conductance behind a leaf is left, as particles embolise it. Nothing for a
-  /// sac.
+  /// How much of the periphery's conductance behind a leaf is left. Nothing for a sac.
   void set_periphery(std::size_t leaf, double share);
+  /// What injected particles have closed of it.
+  const Embolisation& embolisation() const { return embolisation_; }
 
  private:
   std::vector<FlowNode> nodes_of(const Blood& blood);
@@ -86,6 +90,7 @@ class TreeFlow {
   void divide(std::size_t branch, double arc_length_mm);
   void beat(double begin_s, double end_s);
   void begin();
+  void embolise(double count, double diameter_mm, std::size_t branch);
 
   /// A periphery whose compliance a heart's wall presses.
   struct Wall {
@@ -106,6 +111,7 @@ class TreeFlow {
   std::vector<Filling> fillings_;
   std::vector<double> peak_ml_s_;
   std::vector<Wall> walls_;
+  Embolisation embolisation_;
   FlowNetwork network_;
   std::optional<std::size_t> injected_;  ///< the node
   double time_s_ = 0;

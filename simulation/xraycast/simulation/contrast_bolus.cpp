@@ -105,11 +105,11 @@ void ContrastBolus::advect(double time_s) {
 }
 
 void ContrastBolus::step(double time_s, const VesselTree::Location& tip, double injection_ml_s,
-                         double agent_mg_ml) {
+                         double agent_mg_ml, const Particles& particles) {
   if (time_s <= 0) return;
   const double steps = std::ceil(time_s / TreeFlow::kLongestStep_s), step_s = time_s / steps;
   for (double i = 0; i < steps; ++i) {
-    flow_.step(step_s, tip, injection_ml_s);
+    flow_.step(step_s, tip, injection_ml_s, particles);
     set_flow(tip, injection_ml_s, agent_mg_ml);
     const double parts = std::ceil(step_s / longest_step_s());
     for (double part = 0; part < parts; ++part) advect(step_s / parts);

@@ -29,7 +29,8 @@ class ContrastBolus {
 
   /// Advances by `time_s` (0 or more), while `injection_ml_s` (0 for none) of an agent of `agent_mg_ml`
   /// iodine is injected at a location of the tree.
-  void step(double time_s, const VesselTree::Location& tip, double injection_ml_s, double agent_mg_ml = 350);
+  void step(double time_s, const VesselTree::Location& tip, double injection_ml_s, double agent_mg_ml = 350,
+            const Particles& particles = {});
 
   /// The vessels have other radii, as where walls have yielded: those of a tree with the same points. Iodine
   /// stays where it is, in more or less blood, and the blood flows as the new radii let it.

@@ -26,9 +26,10 @@ double Injection::mean_rate_ml_s(double begin_s, double end_s) const {
 }
 
 void check(const Injection& injection) {
-  const auto& [from_s, to_s, rate_ml_s, agent_mg_ml] = injection;
+  const auto& [from_s, to_s, rate_ml_s, agent_mg_ml, particles] = injection;
   check_amount("injection_rate_ml_s", rate_ml_s, kMaxInjection_ml_s, "ml/s");
   check_amount("iodine_mg_ml", agent_mg_ml, kMaxAgent_mg_ml, "mg/ml");
+  check(particles);
   if (!(from_s >= 0 && from_s <= to_s && std::isfinite(to_s)))
     throw InputError("`inject` {:g},{:g}: must begin at 0 s or later, and before it ends", from_s, to_s);
   if (injection.volume_ml() > kMaxInjection_ml)

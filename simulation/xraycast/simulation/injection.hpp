@@ -1,5 +1,7 @@
 #pragma once
 
+#include "xraycast/blood_flow/embolisation.hpp"
+
 namespace xraycast {
 
 /// Limits of injectors and agents: aortic injectors give 40 ml/s at most; iomeprol 400 is the densest agent.
@@ -10,6 +12,7 @@ struct Injection {
   double from_s = 0, to_s = 0;
   double rate_ml_s = 5;
   double agent_mg_ml = 350;  ///< iodine
+  Particles particles{};     ///< in the agent
 
   double volume_ml() const { return rate_ml_s * (to_s - from_s); }
 
@@ -20,7 +23,7 @@ struct Injection {
   double mean_rate_ml_s(double begin_s, double end_s) const;
 };
 
-/// Throws InputError for times in no order, and for more than the limits above.
+/// Throws InputError for times in no order, for more than the limits above, and as check of Particles.
 void check(const Injection& injection);
 
 }  // namespace xraycast

@@ -90,7 +90,8 @@ void InstrumentPressures::advance(const Instruments& instruments, double time_s,
   const double rate_ml_s = outlet ? injection.mean_rate_ml_s(time_s_, time_s) : 0;
   const double steps = std::ceil((time_s - time_s_ - kRounding_s) / TreeFlow::kLongestStep_s);
   for (double i = 0; i < steps; ++i)
-    flow_.step((time_s - time_s_) / steps, location_of(instruments.tip(outlet.value_or(0))), rate_ml_s);
+    flow_.step((time_s - time_s_) / steps, location_of(instruments.tip(outlet.value_or(0))), rate_ml_s,
+               injection.particles);
   time_s_ = time_s;
 }
 

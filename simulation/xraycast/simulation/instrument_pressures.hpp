@@ -34,6 +34,7 @@ class InstrumentPressures {
   void advance(const Instruments& instruments, double time_s, const Injection& injection);
 
   double aortic_mmHg() const { return flow_.aortic_mmHg(); }
+  const Embolisation& embolisation() const { return flow_.embolisation(); }
   double tip_mmHg(const Instruments& instruments, std::size_t instrument) const {
     return flow_.pressure_mmHg(location_of(instruments.tip(instrument)));
   }

@@ -185,6 +185,10 @@ void check_injection(const RunRequest& request) {
   if (request.instruments.front().inner_radius_mm() == 0)
     throw InputError("{}: {} has no lumen; leave `inject` out, or give a catheter by `instruments` before it",
                      name, request.instruments.front().name());
+  const double lumen_mm = 2 * request.instruments.front().inner_radius_mm();
+  if (injection.particles.diameter_mm >= lumen_mm)
+    throw InputError("`particles` {:g}: they do not pass the lumen of {}, {:.2f} mm; take smaller ones",
+                     injection.particles.diameter_mm, request.instruments.front().name(), lumen_mm);
   const double end_s = request.script ? request.script->rows().back().time_s : 0;
   if (injection.from_s >= end_s && end_s > 0)
     throw InputError("{}: begins after the end of {} at {:g} s; inject earlier", name,
@@ -524,6 +528,8 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   run.last = records_of(instruments, instruments.time_s(), &blood);
   run.treatments = instruments.treatments().list();
   run.coilings = coilings_of(instruments, flows_past_sacs(*request.tree));
+  run.embolised = blood.embolisation().leaves();
+  run.escaped_particles = blood.embolisation().escaped();
   run.notes = notes_on_stents(instruments);
   for (std::string& note : notes_on_coils(instruments)) run.notes.push_back(std::move(note));
   constexpr double kNoticed_s = 0.05;

@@ -107,6 +107,8 @@ struct Run {
   std::vector<std::string> modes{};             ///< of its motion, in the order of a record's phases
   std::vector<Treatment> treatments{};          ///< by balloons and stents
   std::vector<Coiling> coilings{};              ///< by coils, as at the end
+  std::vector<Embolised> embolised{};           ///< by particles, as at the end
+  double escaped_particles = 0;                 ///< into the aorta
   std::vector<PressureSample> pressures{};  ///< a hundred a second, fewer in runs longer than kPressures_s
   static constexpr double kPressures_s = 300;
 };

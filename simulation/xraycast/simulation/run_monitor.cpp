@@ -88,6 +88,15 @@ ReportJson json_of(const Coiling& c, const std::string& vessel) {
           {"inflow_percent", kPercent * c.inflow_share}};
 }
 
+ReportJson json_of(const Embolised& e) {
+  constexpr double kPercent = 100;
+  return {{"device", "particles"},
+          {"vessel", e.vessel},
+          {"branch", e.branch},
+          {"particles", e.particles},
+          {"periphery_percent", kPercent * e.open_share}};
+}
+
 ReportJson json_of(const ExerciseProgress& progress) {
   const ExerciseState& state = progress.state();
   ReportJson json{{"title", progress.exercise().title},       {"is_complete", state.is_complete()},
@@ -154,6 +163,7 @@ std::string RunMonitor::json(bool has_series) const {
     json["treatments"].push_back(json_of(treatment));
   for (const Coiling& coiling : figures.coilings)
     json["treatments"].push_back(json_of(coiling, coiling.vessel));
+  for (const Embolised& embolised : figures.use.embolised) json["treatments"].push_back(json_of(embolised));
   if (progress_) json["exercise"] = json_of(*progress_);
   if (!has_series) return json.dump();
   json["series"] = json_of(report_.series());

@@ -19,6 +19,9 @@ class RunMonitor {
   /// After each step, with what was used by then.
   void add(const Instruments& instruments, const RunUse& use = {});
 
+  /// As RunReport::use.
+  void use(const RunUse& use) { report_.use(use); }
+
   /// As RunReport::exchanged, by a model of this name.
   void exchanged(std::size_t instrument, const Instruments& instruments, const std::string& name);
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/blood_flow/embolisation.hpp"
 #include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/simulation/coiling.hpp"
 
@@ -37,6 +38,7 @@ struct RunUse {
   std::optional<double> air_kerma_mGy{};  ///< at the patient entrance reference point
   std::optional<double> dap_Gycm2{};      ///< dose-area product
   std::optional<double> contrast_ml{};
+  std::vector<Embolised> embolised{};  ///< by particles in it
 };
 
 /// What was done to a vessel in a run so far.
@@ -92,6 +94,9 @@ class RunReport {
 
   /// After each step of the same instruments, with what was used by then.
   void add(const Instruments& instruments, const RunUse& use = {});
+
+  /// What was used in all, where that is known only at the end.
+  void use(const RunUse& use) { figures_.use = use; }
 
   /// Another model took an instrument's place: what it does is added to that place's figures.
   void exchanged(std::size_t instrument, const Instruments& instruments);

@@ -120,7 +120,8 @@ void RunCine::inject(const VesselTree::Location& tip, bool is_lumen_free, double
   if (time_s > last_s_) {
     const double rate_ml_s = options_.injection.mean_rate_ml_s(last_s_, time_s);
     (is_lumen_free ? injected_ml_ : withheld_ml_) += rate_ml_s * (time_s - last_s_);
-    bolus_.step(time_s - last_s_, tip, is_lumen_free ? rate_ml_s : 0, options_.injection.agent_mg_ml);
+    bolus_.step(time_s - last_s_, tip, is_lumen_free ? rate_ml_s : 0, options_.injection.agent_mg_ml,
+                options_.injection.particles);
   }
   last_s_ = time_s;
   while (next_flow_s_ <= time_s) next_flow_s_ += options_.step_s;

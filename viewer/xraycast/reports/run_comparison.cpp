@@ -59,7 +59,7 @@ constexpr std::array<Figure, 14> kOfInstrument{
      {"slips", "slips", "", 0},
      {"whips", "whips", "", 0},
      {"exchanges", "exchanges", "", 0}}};
-constexpr std::array<Figure, 25> kOfTreatment{
+constexpr std::array<Figure, 27> kOfTreatment{
     {{"from_s", "begun", "s", 1},
      {"to_s", "ended", "s", 1},
      {"from_mm", "from, along the vessel", "mm", 1},
@@ -84,7 +84,9 @@ constexpr std::array<Figure, 25> kOfTreatment{
      {"coil_mm", "coil in the sac", "mm", 0},
      {"sac_mm3", "volume of the sac", "mm³", 0},
      {"packing_percent", "packing density", "%", 1},
-     {"inflow_percent", "the sac's inflow, of that without coils", "%", 0}}};
+     {"inflow_percent", "the sac's inflow, of that without coils", "%", 0},
+     {"particles", "particles", "", 0},
+     {"periphery_percent", "conductance left of the periphery", "%", 0}}};
 constexpr std::array<Figure, 5> kCurves{{{"insertion_mm", "insertion", "mm", 0},
                                          {"tip_path_mm", "path of the tip", "mm", 0},
                                          {"force_N", "force at the hub", "N", 0},

@@ -59,6 +59,19 @@ class HandMessage {
     return orders;
   }
 
+  /// {"mm": 0.5}; of 0 mm: none.
+  std::optional<Particles> particles(const char* name) {
+    const auto field = find(name);
+    if (field == json_.end()) return std::nullopt;
+    HandMessage said(*field);
+    const double mm = said.number("mm", 0, Particles::kMost_mm, std::nan(""));
+    if (!said.is_good() || !(mm == 0 || mm >= Particles::kLeast_mm)) {
+      is_good_ = false;
+      return std::nullopt;
+    }
+    return Particles{mm};
+  }
+
   bool flag(const char* name) {
     const auto field = find(name);
     if (field == json_.end()) return false;
@@ -137,6 +150,7 @@ bool BrowserHand::receive(std::string_view text, Clock::time_point now) {
   constexpr double kMost_bar = 100, kMost_mm = 1000;
   said.balloons_bar = message.order("balloon", "bar", kMost_bar);
   said.sheaths_mm = message.order("sheath", "mm", kMost_mm);
+  said.particles = message.particles("particles");
   if (!message.is_good()) return false;
 
   constexpr int kMost = 100;  // that are kept while nobody asks
@@ -145,6 +159,7 @@ bool BrowserHand::receive(std::string_view text, Clock::time_point now) {
   said.next_hubs = std::min(kMost, said.next_hubs + commands_.next_hubs);
   said.valve_toggles = std::min(kMost, said.valve_toggles + commands_.valve_toggles);
   if (!said.c_arm) said.c_arm = commands_.c_arm;
+  if (!said.particles) said.particles = commands_.particles;
   for (std::size_t hub = 0; hub < kMaxHubs; ++hub) {
     if (!said.balloons_bar[hub]) said.balloons_bar[hub] = commands_.balloons_bar[hub];
     if (!said.sheaths_mm[hub]) said.sheaths_mm[hub] = commands_.sheaths_mm[hub];
@@ -171,6 +186,7 @@ LiveCommands BrowserHand::commands(Clock::time_point now) {
   commands_.next_hubs = commands_.valve_toggles = 0;
   commands_.c_arm.reset();
   commands_.balloons_bar = commands_.sheaths_mm = {};
+  commands_.particles.reset();
   commands_.body = {};
   return commands;
 }

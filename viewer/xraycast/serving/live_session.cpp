@@ -96,6 +96,7 @@ void LiveSession::obey() {
 /// What an instrument has no balloon or sheath for stays undone.
 void LiveSession::treat(const LiveCommands& commands) {
   SimulatedRun& run = intervention_.run();
+  if (commands.particles) run.mix_in(*commands.particles);
   for (std::size_t hub = 0; hub < run.now().count(); ++hub) {
     if (commands.balloons_bar[hub]) run.inflate(hub, *commands.balloons_bar[hub]);
     if (commands.sheaths_mm[hub]) run.draw_sheath(hub, *commands.sheaths_mm[hub]);

@@ -76,6 +76,12 @@ class SimulatedRun {
   double injection_ml_s() const { return injection_ml_s_; }
   double injected_ml() const { return injected_ml_; }
 
+  /// Puts particles into the agent that is injected from now on, or none.
+  void mix_in(const Particles& particles) { particles_ = particles; }
+  const Particles& particles() const { return particles_; }
+  /// Where particles have gone.
+  std::vector<Embolised> embolised() const { return bolus_.flow().embolisation().leaves(); }
+
   /// Fills the balloon of an instrument, or folds it: the pressure to which it goes, up to what it bears, by
   /// at most MovingHub::kMaxInflation_bar_s. See HubCouplings.
   void inflate(std::size_t instrument, double bar) { couplings_.inflate(instrument, bar); }
@@ -154,6 +160,7 @@ class SimulatedRun {
   std::vector<MovingPoints> stent_points_;                ///< of each, where it moves
   double body_from_s_;                                    ///< the body's time as the run begins
   double injection_ml_s_ = 0, injected_ml_ = 0;
+  Particles particles_;
   std::deque<Load> loads_;
   bool is_recording_ = false;
   std::vector<Poses> recorded_;

@@ -112,7 +112,8 @@ void Trainer::count_step() {
                               .exposures = pulses_,
                               .air_kerma_mGy = air_kerma_mGy_,
                               .dap_Gycm2 = dap_Gycm2_,
-                              .contrast_ml = message_.injected_ml});
+                              .contrast_ml = message_.injected_ml,
+                              .embolised = embolised_});
   poses_.push_back(instruments_.time_s());
   for (std::size_t d = 0; d < instruments_.count(); ++d)
     for (const double number : numbers_of(instruments_.pose(d))) poses_.push_back(number);
@@ -171,8 +172,10 @@ void Trainer::let_flow() {
   take_coils(instruments_, bolus_);
   bolus_.flow().fill(fillings_of(*setup_.tree, instruments_));
   const double ml_s = hand_.injects && outlet ? kInjection_ml_s : 0;
-  bolus_.step(passed_s, location_of(instruments_.tip(outlet.value_or(0))), ml_s);
+  bolus_.step(passed_s, location_of(instruments_.tip(outlet.value_or(0))), ml_s, Injection{}.agent_mg_ml,
+              particles_);
   message_.injected_ml += ml_s * passed_s;
+  if (particles_.are_any() && ml_s > 0) embolised_ = bolus_.flow().embolisation().leaves();
   if (hand_.pedal) message_.fluoroscopy_s += passed_s;
 }
 

@@ -55,6 +55,9 @@ class Trainer {
   void inflate(std::size_t instrument, double bar);
   void draw_sheath(std::size_t instrument, double mm);
 
+  /// Puts particles into the agent that is injected from now on, or none.
+  void mix_in(const Particles& particles) { particles_ = particles; }
+
   /// Takes one of the choices instead of an instrument, as Instruments::exchange.
   void exchange(std::size_t instrument, std::size_t choice);
 
@@ -98,6 +101,8 @@ class Trainer {
   RunMonitor monitor_;
   std::vector<double> poses_;  ///< of the steps that were not taken yet
   TrainerHand hand_;
+  Particles particles_;
+  std::vector<Embolised> embolised_;     ///< by them
   double told_s_ = 0;                    ///< when the last message was
   double pulses_per_s_ = 0, due_s_ = 0;  ///< 0: at each message; when the next one is
   std::optional<double> air_kerma_mGy_, dap_Gycm2_;

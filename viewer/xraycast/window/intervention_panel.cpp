@@ -157,6 +157,25 @@ void show_instrument(Intervention& intervention, std::size_t number) {
   ImGui::PopID();
 }
 
+/// What is mixed into the contrast agent, and where it has gone.
+void choose_particles(Intervention& intervention) {
+  constexpr std::array<double, 5> kChoices_mm{0, 0.3, 0.5, 0.7, 0.9};
+  const auto words = [](double mm) {
+    return mm > 0 ? fmt::format("particles of {:g} mm", mm) : std::string("no particles");
+  };
+  const double present_mm = intervention.run().particles().diameter_mm;
+  ImGui::SetNextItemWidth(12 * ImGui::GetFontSize());
+  if (ImGui::BeginCombo("in the agent", words(present_mm).c_str())) {
+    for (const double mm : kChoices_mm)
+      if (ImGui::Selectable(words(mm).c_str(), mm == present_mm)) intervention.run().mix_in({mm});
+    ImGui::EndCombo();
+  }
+  constexpr std::size_t kMostShown = 3;
+  const std::vector<Embolised> embolised = intervention.run().embolised();
+  for (std::size_t i = 0; i < std::min(kMostShown, embolised.size()); ++i)
+    write_wrapped(in_words(embolised[i]));
+}
+
 /// Where a fluoroscope is on, its panel has its own fluoroscopy time, road map and pedal.
 void show_usage(const Viewer& viewer, Intervention& intervention) {
   const SimulatedRun& run = intervention.run();
@@ -167,6 +186,7 @@ void show_usage(const Viewer& viewer, Intervention& intervention) {
     write_wrapped(fmt::format("fluoro time {}:{:04.1f} min, contrast agent {:.0f} ml", minutes,
                               intervention.fluoroscopy_s() - 60 * minutes, run.injected_ml()));
   }
+  choose_particles(intervention);
   if (!run.now().agent_outlet)
     write_wrapped(fmt::format("no contrast agent: {}", reason_for_no_outlet(run.models())));
   if (viewer.console()) return;
