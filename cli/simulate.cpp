@@ -146,8 +146,6 @@ class Cine {
   void finish() { file_->finish(exposure(), run_->acquisition().mask_frames()); }
 
   RunUse use() const { return run_->use(); }
-  double injected_ml() const { return run_->injected_ml(); }
-  double withheld_ml() const { return run_->withheld_ml(); }
   std::optional<ExposureRecord> exposure() const { return run_->acquisition().record(); }
   /// "scan" or "new"; empty where the cine is not DICOM.
   const std::string& frame_of_reference() const { return frame_of_reference_; }
@@ -252,18 +250,25 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   HubSamples samples(*request.script);
   const bool is_monitored = exercise || !options.report.empty();
   std::optional<RunMonitor> monitor;
+  InjectedVolume injected;
+  const auto use_of = [&](const InjectedVolume& volume) {
+    RunUse use = cine ? cine->use() : RunUse{};
+    if (request.injection.volume_ml() > 0) use.contrast_ml = volume.injected_ml();
+    return use;
+  };
   const Run run = xraycast::run(request, invocation.progress, [&](const Instruments& moved, double time_s) {
+    injected.advance(moved, time_s, request.injection);
     if (!options.plot.empty()) samples.record(moved, time_s);
     if (cine) cine->advance(moved, time_s);
     if (!is_monitored) return;
     if (!monitor)
       monitor.emplace(moved, names_of(request.instruments), progress_of(exercise, *request.tree));
     else
-      monitor->add(moved, cine ? cine->use() : RunUse{});
+      monitor->add(moved, use_of(injected));
   });
   const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
   if (monitor && !run.embolised.empty()) {
-    RunUse use = cine ? cine->use() : RunUse{};
+    RunUse use = use_of(injected);
     use.embolised = run.embolised;
     monitor->use(use);
   }
@@ -286,28 +291,23 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   if (exercise) pictures += in_words(*monitor->progress()) + "\n";
   for (const Treatment& treatment : run.treatments) pictures += in_words(treatment, *request.tree) + "\n";
   for (const Coiling& coiling : run.coilings) pictures += in_words(coiling) + "\n";
+  constexpr std::size_t kMostShown = 12;
+  for (const Embolised& embolised : most_first(run.embolised, kMostShown))
+    pictures += in_words(embolised) + "\n";
   for (const Embolised& embolised : run.embolised) {
     result["embolised"].push_back({{"branch", embolised.branch},
                                    {"vessel", embolised.vessel},
                                    {"particles", embolised.particles},
                                    {"periphery_percent", 100 * embolised.open_share}});
-    pictures += in_words(embolised) + "\n";
-  }
-  if (run.escaped_particles >= 1) {
-    result["escaped_particles"] = run.escaped_particles;
-    pictures += fmt::format("{:.0f} particles went back through the tree's root\n", run.escaped_particles);
   }
   if (const auto exposure = cine ? cine->exposure() : std::nullopt) {
     result["fluoroscope"] = to_json(*exposure);
     pictures += summary(*exposure);
   }
-  if (cine && !options.injection.times.empty()) {
-    result["injected_ml"] = cine->injected_ml();
-    result["withheld_ml"] = cine->withheld_ml();
+  if (!options.injection.times.empty()) {
+    result["injected_ml"] = run.injected_ml;
+    result["withheld_ml"] = run.withheld_ml;
   }
-  if (cine && cine->withheld_ml() > 0)
-    pictures += fmt::format("{:.1f} ml of contrast agent were not injected: {}\n", cine->withheld_ml(),
-                            reason_for_no_outlet(request.instruments));
   for (const fs::path& file : plots) pictures += fmt::format("{}: written\n", file.string());
   for (const std::string& file : {options.pressure_plot, options.cine, options.report})
     if (!file.empty()) pictures += fmt::format("{}: written\n", file);

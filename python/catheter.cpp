@@ -56,6 +56,10 @@ class HeldInstruments {
   std::vector<State> step(const HubMoves& moves, int steps, const RunningCall& call) {
     const auto lock = locked();
     const Stepping stepping(stepping_);
+    for (std::size_t d = 0; d < moves.detach.size(); ++d)
+      if (const InstrumentModel& model = instruments_.rod(d).instrument();
+          moves.detach[d] > 0 && !model.has_coils())
+        throw InputError("detach: {} has no coils; give it 0, or take coil-10x30, say", model.name());
     std::vector<HubPose> starts, poses(count());
     for (std::size_t d = 0; d < count(); ++d) starts.push_back(instruments_.pose(d));
     auto looked = std::chrono::steady_clock::now();
@@ -433,7 +437,7 @@ void add_instruments(nb::module_& module) {
            "that "
            "in inflate_bar, and draws the sheath of its stent back by that in release_mm, evenly over `ms` "
            "steps "
-           "of 1 ms, detaches its coil where detach has a 1, within the first 10 ms, and returns a "
+           "of 1 ms, detaches its coil where detach has a 1, at once, and returns a "
            "CatheterState "
            "for each instrument.")
       .def("hold", hold_mode, nb::arg("mode"), nb::arg("is_held") = true, kHoldHelp)

@@ -83,14 +83,21 @@ HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::
     if (held.request.script->rows().back().time_s <= RecordedRun::kLongest_s)
       held.recorded = RecordedRun::of(held.request.instruments);
     std::optional<RunMonitor> monitor;
+    InjectedVolume injected;
+    const auto use_of = [&](const InjectedVolume& volume) {
+      return held.request.injection.volume_ml() > 0 ? RunUse{.contrast_ml = volume.injected_ml()} : RunUse{};
+    };
     held.run = run(held.request, reported, [&](const Instruments& moved, double time_s) {
+      injected.advance(moved, time_s, held.request.injection);
       if (monitor)
-        monitor->add(moved);
+        monitor->add(moved, use_of(injected));
       else
         monitor.emplace(moved, names_of(held.request.instruments), progress_of(task, *tree.tree));
       if (held.recorded) held.recorded->record(moved, time_s);
     });
-    monitor->use({.embolised = held.run.embolised});
+    RunUse use = use_of(injected);
+    use.embolised = held.run.embolised;
+    monitor->use(use);
     held.report = monitor->json(true);
     notes.insert(notes.end(), held.run.notes.begin(), held.run.notes.end());
     held.run.notes = std::move(notes);
@@ -207,8 +214,8 @@ void add_run(nb::module_& module) {
             return leaves;
           },
           nb::sig("def embolised(self) -> list[tuple[int, float, float]]"),
-          "Where injected particles went: the number of a branch, that of the particles behind its end, and "
-          "how much of its periphery's conductance is left, 0 to 1.")
+          "Where injected particles went: the number of a branch, or -1 of the rest of the body, that of the "
+          "particles behind its end, and how much of its periphery's conductance is left, 0 to 1.")
       .def_prop_ro(
           "notes", [](const HeldRun& r) { return text_objects(r.run.notes); },
           "What to know of the run, such as other ends at which the instruments might have entered.")

@@ -189,7 +189,7 @@ const BadCall kBadCalls[] = {
     {"ParticlesOfNoSize", SIMULATE_DSA " --inject 0.5,0.9 --particles 3", 3,
      "--particles 3: must be 0, for none, or a diameter of 0.1 to 1.2 mm", make_run},
     {"ParticlesTooWide", SIMULATE_DSA " --inject 0.5,0.9 --particles 1.2", 3,
-     "--particles 1.2: they do not pass the lumen of", make_run},
+     "--particles 1.2: they pass no lumen, whose widest is 0.64 mm; take smaller ones", make_run},
     {"SimulateInAMapWithoutPictures",
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr",
      3, "--map does not apply without pictures of the run", make_run},

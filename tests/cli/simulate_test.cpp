@@ -211,16 +211,16 @@ TEST_F(SimulateCommand, ParticlesInTheAgentEmboliseWhatLiesBehind) {
   EXPECT_FALSE(json_of(line).contains("embolised"));
   const Json run = json_of(line + "--particles 0.3 --report @/run.json");
   ASSERT_TRUE(run.contains("embolised"));
-  double particles = run.value("escaped_particles", 0.0);
-  for (const Json& leaf : run["embolised"]) {
-    particles += leaf["particles"].get<double>();
-    EXPECT_LT(leaf["periphery_percent"], 100);
-  }
+  EXPECT_NEAR(run["injected_ml"], 1.2, 1e-6);
+  double particles = 0;
+  for (const Json& leaf : run["embolised"]) particles += leaf["particles"].get<double>();
+  EXPECT_LT(run["embolised"][0]["periphery_percent"], 100);
   // 1.2 ml of 60 mm3 a ml in spheres of 0.01414 mm3.
   EXPECT_NEAR(particles, 1.2 * 60 / 0.014137, 20);
   EXPECT_THAT(output_of(line + "--particles 0.3"), HasSubstr(" of its conductance left\n"));
   const Json report = Json::parse(read_bytes(folder_ / "run.json"));
   EXPECT_EQ(report["treatments"][0]["device"], "particles");
+  EXPECT_NEAR(report["injected_ml"], 1.2, 1e-3);
 }
 
 TEST_F(SimulateCommand, SubtractsARunFromItsFramesBeforeTheInjection) {

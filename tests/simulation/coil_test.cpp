@@ -277,6 +277,16 @@ TEST(Coils, AreNotDetachedWithinTheirCatheters) {
   EXPECT_EQ(made.last[1].coil->detached, 1);
 }
 
+TEST(Coils, AreDetachedByTheLastRow) {
+  for (const int ms : {1, 4, 9, 10})  // between the steps in which coils are worked on
+    EXPECT_EQ(
+        done(coiling(fmt::format("0,106,0,106,0,0\n2,106,0,406,0,0\n{},106,0,406,0,1\n", 2.1 + 1e-3 * ms)))
+            .last[1]
+            .coil->detached,
+        1)
+        << ms;
+}
+
 TEST(Coils, AreHeldBackWhereNoAneurysmIs) {
   const xraycast::Run made =
       done(coiling("0,80,0,80,0,0\n2,80,0,200,0,0\n3,80,0,200,0,1\n3.1,80,0,200,0,1\n"));

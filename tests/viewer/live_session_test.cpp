@@ -249,7 +249,7 @@ TEST_F(Live, EmbolisesByParticlesInTheAgent) {
   other_.commanded.particles = Particles{0.3};
   frames(1);
   other_.commanded.particles.reset();
-  while (intervention_->run().injected_ml() < 2) frames(1);
+  while (intervention_->run().injected_ml() < 6) frames(1);  // more than a heartbeat
   ASSERT_FALSE(intervention_->run().embolised().empty());
   EXPECT_LT(intervention_->run().embolised().front().open_share, 1);
   frames(2);

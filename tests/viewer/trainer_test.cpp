@@ -271,17 +271,28 @@ TEST(Trainer, EmbolisesByParticlesInTheAgent) {
   Trainer trainer(setup_with({"cobra-5f"}, {0}));
   trainer.hold({.injects = true});
   const auto inject = [&] {
-    for (int i = 0; i < 10; ++i) {
+    for (int i = 0; i < 60; ++i) {
       trainer.advance(33);
       trainer.message();
     }
     trainer.advance(1);  // counts
   };
+  const auto counted = [&] {
+    double particles = 0;
+    for (const Embolised& place : trainer.monitor().report().figures().use.embolised)
+      particles += place.particles;
+    return particles;
+  };
   inject();
-  EXPECT_THAT(trainer.monitor().json(false), testing::Not(testing::HasSubstr("particles")));
+  EXPECT_EQ(counted(), 0);
+  trainer.mix_in({1.1});  // a Cobra's lumen has 0.97 mm
+  inject();
+  EXPECT_EQ(counted(), 0);
   trainer.mix_in({0.3});
   inject();
-  EXPECT_THAT(trainer.monitor().json(false), testing::HasSubstr("\"device\":\"particles\""));
+  // But for those of the last heartbeat.
+  const double of_all = Particles{0.3}.per_ml() * 5 * 60 * 0.033;
+  EXPECT_NEAR(counted(), 0.75 * of_all, 0.25 * of_all);
 }
 
 TEST(Trainer, FollowsAScriptAsTheInstrumentsDo) {

@@ -70,10 +70,9 @@ vec4 share_of_band(int quad) {
 }
 
 #ifdef BANDS
-// How much of a sample of the band counts in these rows of the map, to both sides of which the ray passes `reach` rows
-// while the sample stands for it.
-vec4 share_of_rows(vec4 row, vec4 reach) {
-  return clamp((min(row + reach, band_rows.y + 0.5) - max(row - reach, band_rows.x - 0.5)) / (2.0 * reach), 0.0, 1.0);
+// How much of a sample of the band counts, for which rays pass `reach` rows of the map to both sides of `middle`.
+vec4 share_of_rows(vec4 middle, vec4 reach) {
+  return clamp((min(middle + reach, band_rows.y + 0.5) - max(middle - reach, band_rows.x - 0.5)) / (2.0 * reach), 0.0, 1.0);
 }
 #endif
 
@@ -122,6 +121,9 @@ vec4 secant(vec4 rows_per_mm) {
 // The map of a sample, whose place is `where`, along four rays with these slopes. They cross the rectified plane in rows
 // that ascend and are no farther apart than the map's.
 vec4 rows_of(vec4 sample_, vec4 where, vec4 range, vec4 row, vec4 slopes) {
+#ifdef BANDS
+  vec4 middle = row + slopes * (0.5 * (where.y + where.z));
+#endif
   row += slopes * where.x;
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
 #ifdef BANDS
@@ -131,7 +133,7 @@ vec4 rows_of(vec4 sample_, vec4 where, vec4 range, vec4 row, vec4 slopes) {
   vec4 upper = quad_of(sample_, range, quad), lower = quad_of(sample_, range, min(quad + 1, quads - 1));
   vec4 values = rows_of_quads(upper, lower, quad, row, within, map_rows);
 #ifdef BANDS
-  if (leaves_band) values *= share_of_rows(row, 0.5 * max(vec4(1.0), abs(slopes) * (where.z - where.y)));
+  if (leaves_band) values *= share_of_rows(middle, 0.5 * max(vec4(1.0), abs(slopes) * (where.z - where.y)));
 #endif
   return values;
 }

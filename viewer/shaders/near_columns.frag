@@ -15,6 +15,7 @@ float sum_in_front(vec4 column, float row, float depth) {
     vec4 sample_ = texelFetch(sample_table, 2 * i), where = texelFetch(sample_table, 2 * i + 1);
     if (where.z <= depth) break;  // this sample and all before it lie behind the surface
     float share = min(1.0, (where.z - depth) / max(where.z - where.y, 1e-6));
+    where.y = max(where.y, depth);
     sum += share * sample_.y * rows_of(sample_, where, range_of(i), vec4(row), slopes).x;
   }
   return sum * secant(slopes).x;

@@ -79,6 +79,7 @@ function matching_of(modes: readonly ModeHeader[]): MaskMatching | null {
 
 export class LiveView {
   private readonly chart: LoadChart;
+  private readonly particles = element<HTMLSelectElement>("particles");
   private readonly body: BodyControls | null;
   private readonly loads: LastLoads;
   private readonly recording: Recording;
@@ -112,10 +113,9 @@ export class LiveView {
     this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send({ [action]: true }));
     this.exchange = trainer && trainer.choices.length > names.length ? new Exchange(trainer, (exchange) => this.send({ exchange })) : null;
     this.treating = live.has_hub ? new Treating((order) => this.send(order)) : null;
-    const particles = element<HTMLSelectElement>("particles");
-    particles.addEventListener("change", () => {
-      this.send({ particles: { mm: Number(particles.value) } });
-      particles.blur(); // arrows steer again
+    this.particles.addEventListener("change", () => {
+      this.mix_in();
+      this.particles.blur(); // arrows steer again
     });
     this.connection = trainer && worker ? this.simulate(trainer, worker, names, motion) : location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
@@ -298,6 +298,7 @@ export class LiveView {
     element("live-role").textContent = (steers ? this.live.has_hub ? "You steer" : "You have pedal and injector" : "You watch; another browser steers") + others;
     for (const button of element("live").querySelectorAll<HTMLButtonElement | HTMLSelectElement | HTMLInputElement>("button, select, #treating input")) button.disabled = !steers;
     if (steers) this.exposure?.show_settings();
+    if (steers) this.mix_in(); // what another browser chose is not told
     if (this.trainer) {
       this.is_new_here = true;
       this.notes.state(matchMedia("(pointer: coarse)").matches ? "Tap Fluoroscopy to see, and hold Push to advance." : "Hold X to see, ↑ to advance and I to inject; the other keys are under Help.");
@@ -331,6 +332,11 @@ export class LiveView {
     if ((event.target as HTMLElement).matches("input, select") || !controls.takes(event.key.toLowerCase())) return;
     event.preventDefault();
     event.stopImmediatePropagation();
+  }
+
+  /** What the page shows is in the agent. */
+  private mix_in(): void {
+    this.send({ particles: { mm: Number(this.particles.value) } });
   }
 
   private send(once: { [action in SteeringAction]?: boolean } & Partial<Record<"balloon" | "sheath" | "particles", object>> & { body?: BodyChange; exchange?: ExchangeOrder; shows_series?: boolean; save_report?: boolean } = {}): void {

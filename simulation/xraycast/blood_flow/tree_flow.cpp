@@ -195,19 +195,33 @@ void TreeFlow::step(double time_s, const VesselTree::Location& tip, double injec
   beat(time_s_, time_s_ + time_s);
   network_.step(time_s);
   time_s_ += time_s;
-  if (injection_ml_s > 0 && particles.are_any())
-    embolise(particles.per_ml() * injection_ml_s * time_s, particles.diameter_mm,
-             static_cast<std::size_t>(tip.branch));
+  const auto branch = static_cast<std::size_t>(tip.branch);
+  const double count = injection_ml_s > 0 ? particles.per_ml() * injection_ml_s * time_s : 0;
+  if (on_the_way_.count > 0 &&
+      (count == 0 || on_the_way_.branch != branch || on_the_way_.diameter_mm != particles.diameter_mm))
+    lodge();
+  if (count > 0) carry(particles, count, branch, time_s);
 }
 
-/// By the flows of the last step.
-void TreeFlow::embolise(double count, double diameter_mm, std::size_t branch) {
-  Embolisation::Flows flows;
+void TreeFlow::carry(const Particles& particles, double count, std::size_t branch, double time_s) {
+  OnTheWay& way = on_the_way_;
+  way.count += count;
+  way.diameter_mm = particles.diameter_mm;
+  way.branch = branch;
+  way.time_s += time_s;
+  way.ml.start.resize(upper_.size());
+  way.ml.end.resize(upper_.size());
   for (std::size_t b = 0; b < upper_.size(); ++b) {
-    flows.start_ml_s.push_back(start_ml_s(b));
-    flows.end_ml_s.push_back(end_ml_s(b));
+    way.ml.start[b] += start_ml_s(b) * time_s;
+    way.ml.end[b] += end_ml_s(b) * time_s;
   }
-  embolisation_.add(count, diameter_mm, branch, flows);
+  if (heart_.is_steady() || way.time_s >= heart_.period_s()) lodge();
+}
+
+/// Where the blood of the heartbeat has gone.
+void TreeFlow::lodge() {
+  embolisation_.add(on_the_way_.count, on_the_way_.diameter_mm, on_the_way_.branch, on_the_way_.ml);
+  on_the_way_ = {};
   for (std::size_t b = 0; b < upper_.size(); ++b)
     if (embolisation_.open_share(b) < 1) set_periphery(b, embolisation_.open_share(b));
 }

@@ -81,7 +81,7 @@ class TreeFlow {
   void set_conductance(std::size_t branch, double share);
   /// How much of the periphery's conductance behind a leaf is left. Nothing for a sac.
   void set_periphery(std::size_t leaf, double share);
-  /// What injected particles have closed of it.
+  /// What injected particles have closed of it; those of a heartbeat lodge at its end.
   const Embolisation& embolisation() const { return embolisation_; }
 
  private:
@@ -90,7 +90,8 @@ class TreeFlow {
   void divide(std::size_t branch, double arc_length_mm);
   void beat(double begin_s, double end_s);
   void begin();
-  void embolise(double count, double diameter_mm, std::size_t branch);
+  void carry(const Particles& particles, double count, std::size_t branch, double time_s);
+  void lodge();
 
   /// A periphery whose compliance a heart's wall presses.
   struct Wall {
@@ -112,6 +113,13 @@ class TreeFlow {
   std::vector<double> peak_ml_s_;
   std::vector<Wall> walls_;
   Embolisation embolisation_;
+  /// Particles of the heartbeat so far, and the blood's way in it, in ml.
+  struct OnTheWay {
+    double count = 0, diameter_mm = 0, time_s = 0;
+    std::size_t branch = 0;
+    Embolisation::Flows ml{};
+  };
+  OnTheWay on_the_way_;
   FlowNetwork network_;
   std::optional<std::size_t> injected_;  ///< the node
   double time_s_ = 0;

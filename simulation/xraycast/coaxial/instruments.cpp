@@ -163,8 +163,9 @@ std::span<const double> Instruments::phases() const {
 }
 
 void Instruments::step(std::span<const HubPose> targets, std::span<const double> phases) {
+  bool detaches = false;
   for (std::size_t d = 0; d < count(); ++d) {
-    const double rotation_before_rad = pose(d).rotation_rad;
+    const double rotation_before_rad = pose(d).rotation_rad, detach_before = pose(d).detach;
     const HubPose largest{.insertion_mm = largest_insertion_mm(d),
                           .inflation_bar = rod(d).instrument().max_inflation_bar(),
                           .release_mm = rod(d).instrument().max_release_mm(),
@@ -173,11 +174,10 @@ void Instruments::step(std::span<const HubPose> targets, std::span<const double>
     if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
     rods_.feed_to(d, kIntroducer_mm + rod_insertion_mm(d));
     pushers_[d].note(targets[d].insertion_mm, largest.insertion_mm, options_.step_s);
+    detaches = detaches || std::floor(pose(d).detach) != std::floor(detach_before);
   }
-  if (steps_ % kTreatmentSteps == 0) {
-    treat();
-    push_coils();
-  }
+  if (steps_ % kTreatmentSteps == 0) treat();
+  if (steps_ % kTreatmentSteps == 0 || detaches) push_coils();  // at once: a script's last row may detach
   if (body_ && body_->move_to(phases))
     for (std::size_t d = 0; d < count(); ++d) walls_[d]->follow_body(rod(d));
   rods_.step(options_.step_s);

@@ -14,6 +14,25 @@ std::optional<std::size_t> agent_outlet(const Instruments& instruments) {
   return furthest;
 }
 
+double agent_lumen_mm(const Instruments& instruments) {
+  const std::optional<std::size_t> free = instruments.free_lumen();
+  return free ? 2 * instruments.rod(*free).instrument().inner_radius_mm() : 0;
+}
+
+void InjectedVolume::advance(const Instruments& instruments, double time_s, const Injection& injection) {
+  if (time_s <= time_s_) return;
+  const double ml = injection.mean_rate_ml_s(time_s_, time_s) * (time_s - time_s_);
+  time_s_ = time_s;
+  if (ml <= 0) return;
+  if (!agent_outlet(instruments)) {
+    withheld_ml_ += ml;
+    return;
+  }
+  injected_ml_ += ml;
+  const Particles& particles = injection.particles;
+  if (particles.are_any() && !particles.through(agent_lumen_mm(instruments)).are_any()) strained_ml_ += ml;
+}
+
 std::string reason_for_no_outlet(const std::vector<InstrumentModel>& models) {
   // Only the innermost can be solid; with a lumen it would have been the outlet.
   const std::string& solid = models.back().name();

@@ -1,7 +1,5 @@
 #include "xraycast/simulation/instrument_pressures.hpp"
 
-#include "xraycast/simulation/agent_outlet.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -87,11 +85,13 @@ void InstrumentPressures::advance(const Instruments& instruments, double time_s,
     filled_s_ = time_s;
   }
   const std::optional<std::size_t> outlet = agent_outlet(instruments);
+  const Particles particles = injection.particles.through(agent_lumen_mm(instruments));
+  injected_.advance(instruments, time_s, injection);
   const double rate_ml_s = outlet ? injection.mean_rate_ml_s(time_s_, time_s) : 0;
   const double steps = std::ceil((time_s - time_s_ - kRounding_s) / TreeFlow::kLongestStep_s);
   for (double i = 0; i < steps; ++i)
     flow_.step((time_s - time_s_) / steps, location_of(instruments.tip(outlet.value_or(0))), rate_ml_s,
-               injection.particles);
+               particles);
   time_s_ = time_s;
 }
 

@@ -2,6 +2,7 @@
 
 #include "xraycast/blood_flow/tree_flow.hpp"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/simulation/injection.hpp"
 
 #include <cstddef>
@@ -35,6 +36,7 @@ class InstrumentPressures {
 
   double aortic_mmHg() const { return flow_.aortic_mmHg(); }
   const Embolisation& embolisation() const { return flow_.embolisation(); }
+  const InjectedVolume& injected() const { return injected_; }
   double tip_mmHg(const Instruments& instruments, std::size_t instrument) const {
     return flow_.pressure_mmHg(location_of(instruments.tip(instrument)));
   }
@@ -44,6 +46,7 @@ class InstrumentPressures {
 
   const VesselTree& tree_;
   TreeFlow flow_;
+  InjectedVolume injected_;
   double time_s_ = 0, filled_s_ = -1;
   long vessel_changes_ = 0;  ///< that the flow knows of; see Instruments
 };

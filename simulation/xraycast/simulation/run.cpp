@@ -185,10 +185,12 @@ void check_injection(const RunRequest& request) {
   if (request.instruments.front().inner_radius_mm() == 0)
     throw InputError("{}: {} has no lumen; leave `inject` out, or give a catheter by `instruments` before it",
                      name, request.instruments.front().name());
-  const double lumen_mm = 2 * request.instruments.front().inner_radius_mm();
-  if (injection.particles.diameter_mm >= lumen_mm)
-    throw InputError("`particles` {:g}: they do not pass the lumen of {}, {:.2f} mm; take smaller ones",
-                     injection.particles.diameter_mm, request.instruments.front().name(), lumen_mm);
+  double widest_mm = 0;
+  for (const InstrumentModel& model : request.instruments)
+    widest_mm = std::max(widest_mm, 2 * model.inner_radius_mm());
+  if (injection.particles.diameter_mm >= widest_mm)
+    throw InputError("`particles_mm` {:g}: they pass no lumen, whose widest is {:.2f} mm; take smaller ones",
+                     injection.particles.diameter_mm, widest_mm);
   const double end_s = request.script ? request.script->rows().back().time_s : 0;
   if (injection.from_s >= end_s && end_s > 0)
     throw InputError("{}: begins after the end of {} at {:g} s; inject earlier", name,
@@ -308,6 +310,20 @@ std::vector<std::string> notes_on_coils(const Instruments& instruments) {
                       "no aneurysm; lead that tip into one first",
                       name, pusher.held_back_s));
   }
+  return notes;
+}
+
+std::vector<std::string> notes_on_injection(const RunRequest& request, const InjectedVolume& injected) {
+  constexpr double kNoticed_ml = 0.05;
+  std::vector<std::string> notes;
+  if (injected.withheld_ml() >= kNoticed_ml)
+    notes.push_back(fmt::format("{:.1f} ml of contrast agent were not injected: {}", injected.withheld_ml(),
+                                reason_for_no_outlet(request.instruments)));
+  if (injected.strained_ml() >= kNoticed_ml)
+    notes.push_back(
+        fmt::format("{:.1f} ml of contrast agent were injected without particles: those of {:g} "
+                    "mm do not pass the lumen; take smaller ones",
+                    injected.strained_ml(), request.injection.particles.diameter_mm));
   return notes;
 }
 
@@ -528,10 +544,13 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   run.last = records_of(instruments, instruments.time_s(), &blood);
   run.treatments = instruments.treatments().list();
   run.coilings = coilings_of(instruments, flows_past_sacs(*request.tree));
-  run.embolised = blood.embolisation().leaves();
-  run.escaped_particles = blood.embolisation().escaped();
+  run.embolised = blood.embolisation().list();
+  run.injected_ml = blood.injected().injected_ml();
+  run.withheld_ml = blood.injected().withheld_ml();
   run.notes = notes_on_stents(instruments);
   for (std::string& note : notes_on_coils(instruments)) run.notes.push_back(std::move(note));
+  for (std::string& note : notes_on_injection(request, blood.injected()))
+    run.notes.push_back(std::move(note));
   constexpr double kNoticed_s = 0.05;
   if (run.not_inflated_s >= kNoticed_s)
     run.notes.push_back(fmt::format(

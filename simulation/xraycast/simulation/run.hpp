@@ -28,7 +28,7 @@ struct RunRequest {
   std::vector<InstrumentModel> instruments = instruments_named({"cobra-5f"});
   EntryChoice entry{};
   std::optional<Script> script{};  ///< none: a hand moves the hubs
-  Injection injection{};           ///< of contrast agent, in pictures of the run
+  Injection injection{};           ///< of contrast agent
   Blood blood{};                   ///< that flows about the instruments
   double interval_s = 0;           ///< between records; 0: they are of the script's rows
   /// How the body moves about the instruments. At 0 s of the script it is 0 s, until then it is held. Its
@@ -108,7 +108,7 @@ struct Run {
   std::vector<Treatment> treatments{};          ///< by balloons and stents
   std::vector<Coiling> coilings{};              ///< by coils, as at the end
   std::vector<Embolised> embolised{};           ///< by particles, as at the end
-  double escaped_particles = 0;                 ///< into the aorta
+  double injected_ml = 0, withheld_ml = 0;      ///< of the injection; see InjectedVolume
   std::vector<PressureSample> pressures{};  ///< a hundred a second, fewer in runs longer than kPressures_s
   static constexpr double kPressures_s = 300;
 };

@@ -90,11 +90,17 @@ ReportJson json_of(const Coiling& c, const std::string& vessel) {
 
 ReportJson json_of(const Embolised& e) {
   constexpr double kPercent = 100;
-  return {{"device", "particles"},
-          {"vessel", e.vessel},
-          {"branch", e.branch},
-          {"particles", e.particles},
-          {"periphery_percent", kPercent * e.open_share}};
+  ReportJson json{{"device", "particles"}, {"vessel", e.vessel}, {"particles", e.particles}};
+  if (e.branch == Embolised::kElsewhere) return json;
+  json["branch"] = e.branch;
+  json["periphery_percent"] = kPercent * e.open_share;
+  return json;
+}
+
+/// Those that a report has room for, by the branches' numbers, as long as there are few.
+std::vector<Embolised> listed(const std::vector<Embolised>& embolised) {
+  constexpr std::size_t kMost = 30;
+  return embolised.size() <= kMost ? embolised : most_first(embolised, kMost);
 }
 
 ReportJson json_of(const ExerciseProgress& progress) {
@@ -163,7 +169,8 @@ std::string RunMonitor::json(bool has_series) const {
     json["treatments"].push_back(json_of(treatment));
   for (const Coiling& coiling : figures.coilings)
     json["treatments"].push_back(json_of(coiling, coiling.vessel));
-  for (const Embolised& embolised : figures.use.embolised) json["treatments"].push_back(json_of(embolised));
+  for (const Embolised& embolised : listed(figures.use.embolised))
+    json["treatments"].push_back(json_of(embolised));
   if (progress_) json["exercise"] = json_of(*progress_);
   if (!has_series) return json.dump();
   json["series"] = json_of(report_.series());

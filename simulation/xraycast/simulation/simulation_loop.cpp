@@ -112,6 +112,7 @@ void SimulationLoop::list_instruments() {
 void SimulationLoop::publish() {
   next_.time_s = instruments_->time_s();
   next_.agent_outlet = agent_outlet(*instruments_);
+  next_.agent_lumen_mm = agent_lumen_mm(*instruments_);
   next_.phases.assign(instruments_->phases().begin(), instruments_->phases().end());
   if (instruments_->vessel_changes() != vessel_changes_) {
     vessel_changes_ = instruments_->vessel_changes();

@@ -65,6 +65,7 @@ struct CatheterSnapshot : InstrumentSnapshot {
   std::shared_ptr<const ExchangeRefusal> refusal;  ///< of the last exchange; null: it was made, or none was
   std::int64_t exchanges = 0;                      ///< answered so far, made or refused
   std::optional<std::size_t> agent_outlet;
+  double agent_lumen_mm = 0;                             ///< see the function
   std::vector<double> phases;                            ///< of the body's motion; none without a motion
   std::shared_ptr<const TreatedVessels> treated;         ///< another one after each change; null: none yet
   std::shared_ptr<const std::vector<CoiledSac>> coiled;  ///< likewise

@@ -79,9 +79,8 @@ bool RunCine::takes_frame(const Instruments& instruments, double time_s) {
   if (time_s <= 0 || !(exposes || time_s >= next_flow_s_)) return false;
   take_walls(instruments);
   take_coils(instruments, bolus_);
-  const std::optional<std::size_t> outlet = agent_outlet(instruments);
   bolus_.flow().fill(fillings_of(tree_, instruments));
-  inject(location_of(instruments.tip(outlet.value_or(0))), outlet.has_value(), time_s);
+  inject(instruments, time_s);
   if (!exposes || time_s < begin_s()) return false;
   note_r_wave(time_s);
   acquisition_.set_phases(instruments.phases());
@@ -116,12 +115,15 @@ std::int64_t RunCine::most_frames(double longest_s) const {
 }
 
 /// Lets the blood flow on to a frame's time.
-void RunCine::inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s) {
+void RunCine::inject(const Instruments& instruments, double time_s) {
+  const std::optional<std::size_t> outlet = agent_outlet(instruments);
+  const VesselTree::Location tip = location_of(instruments.tip(outlet.value_or(0)));
   if (time_s > last_s_) {
-    const double rate_ml_s = options_.injection.mean_rate_ml_s(last_s_, time_s);
-    (is_lumen_free ? injected_ml_ : withheld_ml_) += rate_ml_s * (time_s - last_s_);
-    bolus_.step(time_s - last_s_, tip, is_lumen_free ? rate_ml_s : 0, options_.injection.agent_mg_ml,
-                options_.injection.particles);
+    const Injection& injection = options_.injection;
+    const double rate_ml_s = outlet ? injection.mean_rate_ml_s(last_s_, time_s) : 0;
+    injected_ml_ += rate_ml_s * (time_s - last_s_);
+    bolus_.step(time_s - last_s_, tip, rate_ml_s, injection.agent_mg_ml,
+                injection.particles.through(agent_lumen_mm(instruments)));
   }
   last_s_ = time_s;
   while (next_flow_s_ <= time_s) next_flow_s_ += options_.step_s;

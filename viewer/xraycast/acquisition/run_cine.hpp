@@ -65,17 +65,14 @@ class RunCine {
   /// The most frames of a run of that time.
   std::int64_t most_frames(double longest_s) const;
 
-  double injected_ml() const { return injected_ml_; }
   /// So far; of a fluoroscope without a generator no dose.
   RunUse use() const;
-  /// What was not injected, because no lumen was free.
-  double withheld_ml() const { return withheld_ml_; }
 
  private:
   double begin_s() const;
   bool is_before_injection(double time_s) const;
   double opacified_tau(const VesselTree::Location& tip) const;
-  void inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s);
+  void inject(const Instruments& instruments, double time_s);
   void take_walls(const Instruments& instruments);
   bool takes_frame(const Instruments& instruments, double time_s);
   bool is_exposed(double time_s);
@@ -100,7 +97,7 @@ class RunCine {
   long vessel_changes_ = 0;  ///< that pictures show; see Instruments
   SubtractionWindow window_;
   std::vector<float> tau_;
-  double last_s_ = 0, next_flow_s_ = 0, injected_ml_ = 0, withheld_ml_ = 0;
+  double last_s_ = 0, next_flow_s_ = 0, injected_ml_ = 0;
   double next_s_;  ///< of a frame
   PulseBlur blur_;
   std::vector<std::vector<glm::dvec3>> before_mm_;  ///< the instruments' nodes a step ago

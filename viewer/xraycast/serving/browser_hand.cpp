@@ -65,7 +65,7 @@ class HandMessage {
     if (field == json_.end()) return std::nullopt;
     HandMessage said(*field);
     const double mm = said.number("mm", 0, Particles::kMost_mm, std::nan(""));
-    if (!said.is_good() || !(mm == 0 || mm >= Particles::kLeast_mm)) {
+    if (!said.is_good() || !Particles{mm}.are_valid()) {
       is_good_ = false;
       return std::nullopt;
     }

@@ -86,6 +86,7 @@ void Intervention::start(const std::optional<Script>& script,
     run_ = std::make_unique<SimulatedRun>(request, std::move(to), moving_, options_.exercise);
   };
   const bool was_recording = run_ && run_->is_recording();
+  const Particles particles = run_ ? run_->particles() : Particles{};
   run_.reset();  // a port is free again
   try {
     hand_over(script ? std::make_unique<ScriptDevice>(*script) : make_device(options_));
@@ -94,6 +95,7 @@ void Intervention::start(const std::optional<Script>& script,
     throw;
   }
   if (was_recording) run_->start_recording();
+  run_->mix_in(particles);
   has_picture_ = false;
   refused_.reset();
   used_before_ = {};

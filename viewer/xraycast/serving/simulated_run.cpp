@@ -79,7 +79,7 @@ void SimulatedRun::update() {
   const double injection_ml_s = now_->agent_outlet ? injection_ml_s_ : 0;
   bolus_.flow().fill(fillings());
   bolus_.step(passed_s, location_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s,
-              Injection{}.agent_mg_ml, particles_);
+              Injection{}.agent_mg_ml, particles_.through(now_->agent_lumen_mm));
   injected_ml_ += passed_s * injection_ml_s;
   Load load{now_->time_s, {}};
   for (std::size_t d = 0; d < now_->count(); ++d) load.hubs[d] = now_->instrument(d).load;

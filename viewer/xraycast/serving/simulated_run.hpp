@@ -80,7 +80,7 @@ class SimulatedRun {
   void mix_in(const Particles& particles) { particles_ = particles; }
   const Particles& particles() const { return particles_; }
   /// Where particles have gone.
-  std::vector<Embolised> embolised() const { return bolus_.flow().embolisation().leaves(); }
+  std::vector<Embolised> embolised() const { return bolus_.flow().embolisation().list(); }
 
   /// Fills the balloon of an instrument, or folds it: the pressure to which it goes, up to what it bears, by
   /// at most MovingHub::kMaxInflation_bar_s. See HubCouplings.

@@ -173,9 +173,9 @@ void Trainer::let_flow() {
   bolus_.flow().fill(fillings_of(*setup_.tree, instruments_));
   const double ml_s = hand_.injects && outlet ? kInjection_ml_s : 0;
   bolus_.step(passed_s, location_of(instruments_.tip(outlet.value_or(0))), ml_s, Injection{}.agent_mg_ml,
-              particles_);
+              particles_.through(agent_lumen_mm(instruments_)));
   message_.injected_ml += ml_s * passed_s;
-  if (particles_.are_any() && ml_s > 0) embolised_ = bolus_.flow().embolisation().leaves();
+  if (particles_.are_any() || !embolised_.empty()) embolised_ = bolus_.flow().embolisation().list();
   if (hand_.pedal) message_.fluoroscopy_s += passed_s;
 }
 

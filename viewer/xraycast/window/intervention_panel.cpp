@@ -171,9 +171,11 @@ void choose_particles(Intervention& intervention) {
     ImGui::EndCombo();
   }
   constexpr std::size_t kMostShown = 3;
-  const std::vector<Embolised> embolised = intervention.run().embolised();
-  for (std::size_t i = 0; i < std::min(kMostShown, embolised.size()); ++i)
-    write_wrapped(in_words(embolised[i]));
+  const double lumen_mm = intervention.run().now().agent_lumen_mm;
+  if (present_mm >= lumen_mm && lumen_mm > 0 && present_mm > 0)
+    write_wrapped(fmt::format("they do not pass the lumen of {:.2f} mm", lumen_mm));
+  for (const Embolised& embolised : most_first(intervention.run().embolised(), kMostShown))
+    write_wrapped(in_words(embolised));
 }
 
 /// Where a fluoroscope is on, its panel has its own fluoroscopy time, road map and pedal.

@@ -45,10 +45,9 @@ vec4 share_of_band(int quad) {
   return step(band_rows.x, row) * step(row, vec4(band_rows.y));
 }
 
-// How much of a sample of the band counts in these rows of the map, to both sides of which the ray passes `reach` rows
-// while the sample stands for it.
-vec4 share_of_rows(vec4 row, vec4 reach) {
-  return clamp((min(row + reach, band_rows.y + 0.5) - max(row - reach, band_rows.x - 0.5)) / (2.0 * reach), 0.0, 1.0);
+// How much of a sample of the band counts, for which rays pass `reach` rows of the map to both sides of `middle`.
+vec4 share_of_rows(vec4 middle, vec4 reach) {
+  return clamp((min(middle + reach, band_rows.y + 0.5) - max(middle - reach, band_rows.x - 0.5)) / (2.0 * reach), 0.0, 1.0);
 }
 
 // Four rows of the map, interpolated between the columns and layers of a sample.
@@ -73,11 +72,12 @@ vec4 secant(vec4 rows_per_mm) {
 // The map of a sample, whose place is `where`, along four rays with these slopes. They cross the rectified plane in rows
 // that ascend and are no farther apart than the map's.
 vec4 rows_of(vec4 sample_, vec4 where, vec4 row, vec4 slopes) {
+  vec4 middle = row + slopes * (0.5 * (where.y + where.z));
   row += slopes * where.x;
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
   if (leaves_band) within = clamp(within, band_rows.x, band_rows.y);
   int quad = int(within.x) / 4;
   vec4 upper = quad_of(sample_, quad), lower = quad_of(sample_, min(quad + 1, int(quads) - 1));
   vec4 values = rows_of_quads(upper, lower, quad, row, within, map_rows);
-  return leaves_band ? values * share_of_rows(row, 0.5 * max(vec4(1.0), abs(slopes) * (where.z - where.y))) : values;
+  return leaves_band ? values * share_of_rows(middle, 0.5 * max(vec4(1.0), abs(slopes) * (where.z - where.y))) : values;
 }
