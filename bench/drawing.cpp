@@ -22,6 +22,8 @@ std::vector<Row> add_drawing(Bench& bench) {
                                            compositing);
     add(name, [frames] { return frames->next_ms(); });
   }
+  auto object = std::make_shared<ObjectFrames>(bench.scan, bench.body_map(8), 640, 480);
+  add("frame_object_640", [object] { return object->next_ms(); });
   using enum PulseDisplay;
   for (const auto& [name, width, height, display] :
        {std::tuple{"frame_fluoro_640", 640, 480, fixed}, std::tuple{"frame_fluoro_1280", 1280, 720, fixed},
@@ -70,6 +72,7 @@ std::vector<Row> add_drawing(Bench& bench) {
           {"frame_8_vessels_1280", "paper's 16 frames/s", reported, 0},
           {"frame_8_1280", "paper's 16 frames/s", at_least, 1.5},
           {"frame_8_640", "VTK frame", at_least, 25},
+          {"frame_object_640", "frame_8_640", at_most_more_ms, 5},
           {"frame_moving_8_640", "frame_8_640", at_most, 1.35},
           {"frame_moving_8_1280", "frame_8_1280", at_most, 1.35},
           {"frame_fluoro_moving_1280", "paper's 16 frames/s", at_most, 1},

@@ -16,6 +16,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <sys/wait.h>
@@ -80,6 +82,22 @@ double MovingFrames::next_ms() {
   renderer().set_phases(rhythm_.phases_at(time_s_ += kPulse_s));
   Frames::next_ms();
   return stopwatch.ms();
+}
+
+ObjectFrames::ObjectFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height)
+    : Frames(scan, geometry, width, height, false) {
+  constexpr int kRings = 250, kSides = 200;
+  constexpr double kRadius_mm = 20, kTitanium_per_mm = 0.25;
+  VesselBranch ball;
+  ball.parent = -1;
+  for (int i = 1; i < kRings; ++i) {
+    const double turn = std::numbers::pi * i / kRings;
+    ball.points.push_back(
+        {bounds_.centre_mm + glm::dvec3(0, 0, -kRadius_mm * std::cos(turn)), kRadius_mm * std::sin(turn)});
+  }
+  renderer().set_implants({{tube_mesh(VesselTree({ball}, "ball"), kSides), kTitanium_per_mm}});
+  style_.look = Look::fluoro;
+  next_ms();
 }
 
 OpacityFrames::OpacityFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height)

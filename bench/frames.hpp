@@ -47,6 +47,12 @@ class MovingFrames : public Frames {
   double time_s_ = 0;
 };
 
+/// The same with a ball of titanium of 100,000 triangles in the body, as fluoroscopy draws it.
+class ObjectFrames : public Frames {
+ public:
+  ObjectFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height);
+};
+
 /// The time from moving a knot of the opacity to the frame with the new map.
 class OpacityFrames : public Frames {
  public:

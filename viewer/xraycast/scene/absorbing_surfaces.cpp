@@ -15,8 +15,19 @@
 namespace xraycast {
 namespace {
 
-constexpr double kMinDepth_mm = 1;  // from a cone's source
-constexpr int kBand = 32;           // rows of the picture that are rasterised together
+constexpr double kMinDepth_mm = 1;     // from a cone's source
+constexpr int kBand = 32;              // rows of the picture that are rasterised together
+constexpr std::int64_t kBlock = 4096;  // points or triangles that are made ready together
+
+/// Calls `part` with the numbers of each block's first element and of that behind its last one, on all cores.
+template <typename Part>
+void in_blocks(std::size_t elements, const Part& part) {
+  const auto count = static_cast<std::int64_t>(elements);
+  parallel_for((count + kBlock - 1) / kBlock, [&](std::int64_t block) {
+    part(static_cast<std::size_t>(kBlock * block),
+         static_cast<std::size_t>(std::min(count, kBlock * (block + 1))));
+  });
+}
 
 /// A projected point: pixels from the lower left corner, and the depth along the beam's axis in mm, from the
 /// view's centre or a cone's source.
@@ -28,14 +39,15 @@ struct Projected {
 std::vector<Projected> project_points(const std::vector<glm::vec3>& points_mm, const View& view) {
   const glm::dmat4 matrix = to_clip(view);
   const glm::dvec3 origin_mm = view.cone ? view.source_mm() : view.centre_mm, along = view.towards_detector();
-  std::vector<Projected> projected;
-  projected.reserve(points_mm.size());
-  for (const glm::vec3& point_mm : points_mm) {
-    const glm::dvec3 p(point_mm);
-    const glm::dvec4 clip = matrix * glm::dvec4(p, 1);
-    projected.push_back({0.5 * (glm::dvec2(clip) / clip.w + 1.0) * glm::dvec2(view.width, view.height),
-                         glm::dot(p - origin_mm, along)});
-  }
+  std::vector<Projected> projected(points_mm.size());
+  in_blocks(points_mm.size(), [&](std::size_t first, std::size_t end) {
+    for (std::size_t i = first; i < end; ++i) {
+      const glm::dvec3 p(points_mm[i]);
+      const glm::dvec4 clip = matrix * glm::dvec4(p, 1);
+      projected[i] = {0.5 * (glm::dvec2(clip) / clip.w + 1.0) * glm::dvec2(view.width, view.height),
+                      glm::dot(p - origin_mm, along)};
+    }
+  });
   return projected;
 }
 
@@ -53,13 +65,22 @@ struct Facet {
 
 /// The pixels of a range along one axis whose centres lie between two positions.
 std::pair<int, int> centres_between(double low, double high, int first, int count) {
-  return {static_cast<int>(std::max<double>(first, std::ceil(low - 0.5))),
-          static_cast<int>(std::min<double>(first + count - 1, std::floor(high - 0.5)))};
+  const double from = std::max<double>(first, low - 0.5),
+               to = std::min<double>(first + count - 1, high - 0.5);
+  if (!(from <= to)) return {first, first - 1};
+  const int below = static_cast<int>(from);  // of what is not negative
+  return {below < from ? below + 1 : below, static_cast<int>(to)};
 }
 
 /// None where no pixel's centre can lie in the triangle.
 std::optional<Facet> facet_of(const std::array<Projected, 3>& corners, const ScreenBox& part, bool is_cone) {
   auto [a, b, c] = corners;
+  // Of a fine mesh most triangles lie between centres.
+  const glm::dvec2 low = glm::min(a.pixel, glm::min(b.pixel, c.pixel)),
+                   high = glm::max(a.pixel, glm::max(b.pixel, c.pixel));
+  const auto [left, right] = centres_between(low.x, high.x, part.x, part.width);
+  const auto [bottom, top] = centres_between(low.y, high.y, part.y, part.height);
+  if (left > right || bottom > top) return {};
   double area =
       (b.pixel.x - a.pixel.x) * (c.pixel.y - a.pixel.y) - (b.pixel.y - a.pixel.y) * (c.pixel.x - a.pixel.x);
   if (area == 0 || (is_cone && std::min({a.depth_mm, b.depth_mm, c.depth_mm}) < kMinDepth_mm)) return {};
@@ -69,11 +90,6 @@ std::optional<Facet> facet_of(const std::array<Projected, 3>& corners, const Scr
     std::swap(b, c);
     area = -area;
   }
-  const glm::dvec2 low = glm::min(a.pixel, glm::min(b.pixel, c.pixel)),
-                   high = glm::max(a.pixel, glm::max(b.pixel, c.pixel));
-  const auto [left, right] = centres_between(low.x, high.x, part.x, part.width);
-  const auto [bottom, top] = centres_between(low.y, high.y, part.y, part.height);
-  if (left > right || bottom > top) return {};
   facet.corners = {a.pixel, b.pixel, c.pixel};
   facet.box = {left, bottom, right - left + 1, top - bottom + 1};
   const auto linear = [is_cone](const Projected& s) { return is_cone ? 1 / s.depth_mm : s.depth_mm; };
@@ -252,7 +268,9 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
   if (tau.empty()) return tau;
 
   // Binned by bands of the picture, which are then rasterised in parallel.
-  std::vector<std::vector<Facet>> bands(static_cast<std::size_t>((part.height - 1) / kBand + 1));
+  using Bands = std::vector<std::vector<Facet>>;  // of each
+  const Bands none(static_cast<std::size_t>((part.height - 1) / kBand + 1));
+  std::vector<Bands> binned;  // of blocks of triangles, in their order
   for (const Part& drawn : parts_) {
     const Surface& surface = drawn.surface;
     const Widening widening = widening_of(drawn.tube, drawn.lower_mm, drawn.upper_mm, view);
@@ -260,26 +278,34 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
     const std::vector<Projected> projected =
         widening.factor > 1 ? project_points(widened(points_mm, drawn.tube, widening), view)
                             : project_points(points_mm, view);
-    for (const auto& [a, b, c] : surface.mesh.triangles) {
-      const float weight = surface.mu_weights.empty() ? 1 : surface.mu_weights[a];
-      const auto mu_per_mm = static_cast<float>(surface.mu_per_mm) * weight;
-      if (mu_per_mm <= 0) continue;
-      auto facet = facet_of({projected[a], projected[b], projected[c]}, part, view.cone.has_value());
-      if (!facet) continue;
-      facet->mu_per_mm = mu_per_mm;
-      facet->share = static_cast<float>(widening.share);
-      if (drawn.is_inside_out) facet->winding = -facet->winding;
-      const int last = (facet->box.y + facet->box.height - 1 - part.y) / kBand;
-      for (int band = (facet->box.y - part.y) / kBand; band <= last; ++band)
-        bands[static_cast<std::size_t>(band)].push_back(*facet);
-    }
+    const auto& triangles = surface.mesh.triangles;
+    const std::size_t before = binned.size();
+    binned.resize(before + (triangles.size() + kBlock - 1) / kBlock, none);
+    in_blocks(triangles.size(), [&](std::size_t first, std::size_t end) {
+      Bands& bands = binned[before + first / kBlock];
+      for (std::size_t i = first; i < end; ++i) {
+        const auto& [a, b, c] = triangles[i];
+        const float weight = surface.mu_weights.empty() ? 1 : surface.mu_weights[a];
+        const auto mu_per_mm = static_cast<float>(surface.mu_per_mm) * weight;
+        if (mu_per_mm <= 0) continue;
+        auto facet = facet_of({projected[a], projected[b], projected[c]}, part, view.cone.has_value());
+        if (!facet) continue;
+        facet->mu_per_mm = mu_per_mm;
+        facet->share = static_cast<float>(widening.share);
+        if (drawn.is_inside_out) facet->winding = -facet->winding;
+        const int last = (facet->box.y + facet->box.height - 1 - part.y) / kBand;
+        for (int band = (facet->box.y - part.y) / kBand; band <= last; ++band)
+          bands[static_cast<std::size_t>(band)].push_back(*facet);
+      }
+    });
   }
 
-  parallel_for(static_cast<std::int64_t>(bands.size()), [&](std::int64_t band) {
+  parallel_for(static_cast<std::int64_t>(none.size()), [&](std::int64_t band) {
     const int bottom = part.y + kBand * static_cast<int>(band);
     const int height = std::min(kBand, part.y + part.height - bottom);
     Rows rows({part.x, bottom, part.width, height}, view.cone.has_value());
-    for (const Facet& facet : bands[static_cast<std::size_t>(band)]) rows.add(facet);
+    for (const Bands& of_block : binned)
+      for (const Facet& facet : of_block[static_cast<std::size_t>(band)]) rows.add(facet);
     auto value = tau.begin() + static_cast<std::ptrdiff_t>(bottom - part.y) * part.width;
     for (int row = bottom; row < bottom + height; ++row)
       for (int column = part.x; column < part.x + part.width; ++column, ++value) {
