@@ -194,6 +194,17 @@ TEST(IgtlinkReceiver, ReadsBalloonsAndSheaths) {
   EXPECT_EQ(std::get<SheathDrawn>(events[2]).mm, 20.5);
 }
 
+TEST(IgtlinkReceiver, ReadsCoilsAndParticles) {
+  IgtlinkReceiver receiver;
+  const auto events =
+      receive(receiver, string_message("Detach2", "coil") + string_message("Particles", "0.5 mm") +
+                            string_message("Particles", "0"));
+  ASSERT_EQ(events.size(), 3u);
+  EXPECT_EQ(std::get<CoilDetached>(events[0]).hub, 1u);
+  EXPECT_EQ(std::get<ParticlesMixed>(events[1]).mm, 0.5);
+  EXPECT_EQ(std::get<ParticlesMixed>(events[2]).mm, 0);
+}
+
 TEST(IgtlinkReceiver, ReadsPedalAndContrast) {
   IgtlinkReceiver receiver;
   const auto events =
@@ -298,11 +309,15 @@ const BadMessage kBadMessages[] = {
     {"BalloonBelowZero", string_message("Balloon2", "-1 bar"), "Balloon2 that is not 0 to 100 bar"},
     {"BalloonInMillimetres", string_message("Balloon", "6 mm"), "Balloon that is not 0 to 100 bar"},
     {"BalloonOfNoInstrument", string_message("Balloon4", "6"), "'Balloon4', which is none of"},
+    {"DetachNothing", string_message("Detach2", "1"), "Detach2 that is not 'coil'"},
+    {"ParticlesOfDust", string_message("Particles", "0.05"), "Particles that is neither 0 nor 0.1 to 1.2 mm"},
+    {"ParticlesOfStone", string_message("Particles", "3 mm"),
+     "Particles that is neither 0 nor 0.1 to 1.2 mm"},
     {"SheathWithoutNumber", string_message("Sheath", "all"), "Sheath that is not 0 to 10000 mm"},
     {"StringOfAnotherName", string_message("Greeting", "hello"),
-     "'Greeting', which is none of Pedal, Contrast, Balloon, Sheath and Body"},
+     "'Greeting', which is none of Pedal, Contrast, Particles, Balloon, Sheath, Detach and Body"},
     {"StringOfNoName", string_message("a b", "hello"),
-     "'', which is none of Pedal, Contrast, Balloon, Sheath and Body"},
+     "'', which is none of Pedal, Contrast, Particles, Balloon, Sheath, Detach and Body"},
     {"StringCut",
      MessageBytes{.type = "STRING", .body = std::string("\0\3\0\5down", 8), .name = "Pedal"}.bytes(),
      "STRING of 8 bytes for 5 characters"},

@@ -254,6 +254,7 @@ class Serve(unittest.TestCase):
         self.assertEqual(first.image.dtype, numpy.uint16)
         self.assertGreater(len(numpy.unique(first.image)), 256, "finer greys than eight bits hold")
         client.send_message(pyigtl.StringMessage("down", device_name="Pedal"))
+        client.send_message(pyigtl.StringMessage("0.3 mm", device_name="Particles"))
         client.send_message(pyigtl.StringMessage("4 ml/s", device_name="Contrast"))
         centre = first.ijk_to_world_matrix @ [(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2, 0, 1]
         wanted = c_arm_pose(30, -20, [0, 0, centre[2] + 25])
@@ -274,6 +275,10 @@ class Serve(unittest.TestCase):
         report = server.end()
         self.assertGreater(report["injected_ml"], 2)
         self.assertLess(report["fluoroscopy_s"], 10)
+        self.assertTrue(all(treatment["device"] == "particles" for treatment in report["report"]["treatments"]))
+        # Of 0.3 mm: 60 mm3 a ml in spheres of 0.01414 mm3.
+        particles = sum(treatment["particles"] for treatment in report["report"]["treatments"])
+        self.assertAlmostEqual(particles / (report["injected_ml"] * 60 / 0.014137), 1, delta=0.35)
 
     def run_of(self, watchers, seconds):
         """The report of a steered session, and the rates of its watchers."""
@@ -350,7 +355,7 @@ class Serve(unittest.TestCase):
         client.stop()
         time.sleep(1.5)  # the log counts lines of a kind for a second
         server.end()
-        for text in ("neither 'down' nor 'up'", "none of Pedal, Contrast, Balloon, Sheath and Body", "beyond 60000 ms", "not a rotation",
+        for text in ("neither 'down' nor 'up'", "none of Pedal, Contrast, Particles, Balloon, Sheath, Detach and Body", "beyond 60000 ms", "not a rotation",
                      "the message framing is lost"):
             self.assertIn(text, server.said)
 

@@ -275,6 +275,21 @@ browser_test("a sheath is drawn back from all of its stent", async () => {
   await close(opened);
 });
 
+browser_test("the report tells where particles in the agent went", async () => {
+  const opened = await steer("self.html"), { page } = opened;
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 50);
+  await page.keyboard.up("ArrowUp");
+  await page.select("#particles", "0.5");
+  await page.focus("#stage");
+  await page.keyboard.down("i");
+  await new Promise((resolve) => setTimeout(resolve, 3000)); // more than a heartbeat
+  await page.keyboard.up("i");
+  await page.click("#report summary");
+  await reads(page, "#report-table", /artery: particles.*conductance left of the periphery/);
+  await close(opened);
+});
+
 browser_test("an exercise fits a telephone", async () => {
   const opened = await steer("tasks.html", { width: 390, height: 844, touch: true, hash: "#exercise=2" }), { page } = opened;
   assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390); // less a scroll bar

@@ -260,6 +260,16 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_string(std::span<const std::byte> c
     if (const auto mm = amount(text, "mm", kMaxInsertion_mm)) return SheathDrawn{*hub, *mm};
     return no_amount(name_, kMaxInsertion_mm, "mm");
   }
+  if (const auto hub = hub_of(name_, "Detach", kMaxHubs)) {
+    if (text == "coil") return CoilDetached{*hub};
+    return Complaint{"string", fmt::format("sent STRING {} that is not 'coil'", name_)};
+  }
+  if (name_ == "Particles") {
+    const auto mm = amount(text, "mm", Particles::kMost_mm);
+    if (mm && Particles{*mm}.are_valid()) return ParticlesMixed{*mm};
+    return Complaint{"string", fmt::format("sent STRING Particles that is neither 0 nor {:g} to {:g} mm",
+                                           Particles::kLeast_mm, Particles::kMost_mm)};
+  }
   if (name_ == "Body") {
     constexpr std::size_t kLongest = 100;
     if (text.size() <= kLongest) return BodyText{std::string(text)};
@@ -268,7 +278,9 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_string(std::span<const std::byte> c
   }
   return Complaint{
       "string",
-      fmt::format("sent STRING '{}', which is none of Pedal, Contrast, Balloon, Sheath and Body", name_)};
+      fmt::format(
+          "sent STRING '{}', which is none of Pedal, Contrast, Particles, Balloon, Sheath, Detach and Body",
+          name_)};
 }
 
 IgtlinkReceiver::Event IgtlinkReceiver::read_transform(std::span<const std::byte> content) {

@@ -64,6 +64,17 @@ struct SheathDrawn {
   double mm = 0;
 };
 
+/// STRING `Detach`, `Detach2`, `Detach3`: `coil`; that on an instrument's wire is to be detached.
+struct CoilDetached {
+  std::size_t hub = 0;
+};
+
+/// STRING `Particles`: the diameter of those in the contrast agent from now on; `0.5`, `0.5 mm`, or `0` for
+/// none.
+struct ParticlesMixed {
+  double mm = 0;
+};
+
 /// STRING `Body`: what is to change about a body in motion, in words.
 struct BodyText {
   std::string text;
@@ -92,7 +103,7 @@ struct Complaint {
 class IgtlinkReceiver {
  public:
   using Event = std::variant<HubMove, StatusRequest, StreamRequest, CArmMove, PedalPress, ContrastRate,
-                             BalloonPressure, SheathDrawn, BodyText, Complaint>;
+                             BalloonPressure, SheathDrawn, CoilDetached, ParticlesMixed, BodyText, Complaint>;
   using Rotations = std::array<double, kMaxHubs>;  ///< rad
 
   /// A body longer than this means a damaged header: no message to a hub is nearly as long.

@@ -213,7 +213,7 @@ bool IgtlinkServer::takes_hub(IgtlinkClient& client) {
   return true;
 }
 
-/// C-arm, pedal, contrast agent, balloons, sheaths and body.
+/// C-arm, pedal, contrast agent, balloons, sheaths, coils, particles and body.
 void IgtlinkServer::obey(IgtlinkClient& client, const IgtlinkReceiver::Event& event) {
   if (!watching_.is_allowed)
     return say(client, "session", "sent a command for the C-arm, which only `xraycast serve` obeys");
@@ -230,6 +230,10 @@ void IgtlinkServer::obey(IgtlinkClient& client, const IgtlinkReceiver::Event& ev
   } else if (const auto* drawn = std::get_if<SheathDrawn>(&event)) {
     IgtlinkOrder& order = commands_.sheaths_mm[drawn->hub];
     order = {drawn->mm, order.orders + 1};
+  } else if (const auto* detached = std::get_if<CoilDetached>(&event)) {
+    ++commands_.detachments[detached->hub];
+  } else if (const auto* mixed = std::get_if<ParticlesMixed>(&event)) {
+    commands_.particles_mm = {mixed->mm, commands_.particles_mm.orders + 1};
   } else if (const auto* body = std::get_if<BodyText>(&event)) {
     commands_.body.push_back(body->text);
     if (commands_.body.size() > IgtlinkCommands::kKeptTexts) commands_.body.erase(commands_.body.begin());

@@ -50,6 +50,8 @@ struct IgtlinkCommands {
   /// One a hub: to which pressure its balloon is to be filled, in bar, and how far its sheath drawn back, in
   /// mm.
   std::array<IgtlinkOrder, kMaxHubs> balloons_bar{}, sheaths_mm{};
+  std::array<std::uint64_t, kMaxHubs> detachments{};  ///< one a hub: of coils, so far
+  IgtlinkOrder particles_mm{};                        ///< the diameter of those in the agent
   static constexpr std::size_t kKeptTexts = 16;
   std::vector<std::string> body;  ///< the last of what STRINGs `Body` asked for, oldest first
   std::uint64_t body_texts = 0;   ///< so far

@@ -61,7 +61,9 @@ LiveCommands IgtlinkOutlet::commands() {
   for (std::size_t hub = 0; hub < kMaxHubs; ++hub) {
     commands.balloons_bar[hub] = fresh_order(now.balloons_bar[hub], balloon_orders_[hub]);
     commands.sheaths_mm[hub] = fresh_order(now.sheaths_mm[hub], sheath_orders_[hub]);
+    commands.detaches[hub] = std::exchange(detachments_[hub], now.detachments[hub]) != now.detachments[hub];
   }
+  if (const auto mm = fresh_order(now.particles_mm, particle_orders_)) commands.particles = Particles{*mm};
   if (now.c_arm_moves == c_arm_moves_) return commands;
   c_arm_moves_ = now.c_arm_moves;
   commands.c_arm = CArmRequest{.lao_rad = now.c_arm.lao_rad, .cranial_rad = now.c_arm.cranial_rad};

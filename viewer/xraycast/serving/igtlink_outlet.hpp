@@ -26,7 +26,8 @@ class IgtlinkOutlet final : public LiveOutlet {
 
   std::shared_ptr<IgtlinkDevice> server_;
   std::uint64_t c_arm_moves_ = 0, body_texts_ = 0;
-  std::array<std::uint64_t, kMaxHubs> balloon_orders_{}, sheath_orders_{};
+  std::array<std::uint64_t, kMaxHubs> balloon_orders_{}, sheath_orders_{}, detachments_{};
+  std::uint64_t particle_orders_ = 0;
   double reported_s_ = -1;  ///< the run's time at its last report
 };
 

@@ -32,7 +32,8 @@ struct LiveCommands {
   int next_hubs = 0, valve_toggles = 0;  ///< how often each was asked for
   /// One a hub: to which pressure its balloon is to be filled, in bar, and how far its sheath drawn back.
   std::array<std::optional<double>, kMaxHubs> balloons_bar{}, sheaths_mm{};
-  std::optional<Particles> particles{};  ///< to be in the agent
+  std::array<bool, kMaxHubs> detaches{};  ///< the coil on its wire
+  std::optional<Particles> particles{};   ///< to be in the agent
   BodyChanges body{};
   std::vector<std::string> body_texts{};  ///< the same in words, in their order; see parse_body_changes
 };

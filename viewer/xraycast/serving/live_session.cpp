@@ -93,13 +93,14 @@ void LiveSession::obey() {
   if (ManualDevice* hand = intervention_.manual()) hand->set_rates(all.insertion_mm_s, all.rotation_rad_s);
 }
 
-/// What an instrument has no balloon or sheath for stays undone.
+/// What an instrument has no balloon, sheath or coil for stays undone.
 void LiveSession::treat(const LiveCommands& commands) {
   SimulatedRun& run = intervention_.run();
   if (commands.particles) run.mix_in(*commands.particles);
   for (std::size_t hub = 0; hub < run.now().count(); ++hub) {
     if (commands.balloons_bar[hub]) run.inflate(hub, *commands.balloons_bar[hub]);
     if (commands.sheaths_mm[hub]) run.draw_sheath(hub, *commands.sheaths_mm[hub]);
+    if (commands.detaches[hub] && run.models()[hub].has_coils()) run.detach(hub);
   }
 }
 
