@@ -77,9 +77,9 @@ const exposures = (page) => page.evaluate(() => Number(document.documentElement.
 const drawn = async (page) => PNG.sync.read(Buffer.from(await (await page.$("#picture")).screenshot({ type: "png" })));
 const screenshot = (page, name) => process.env.XRAYCAST_SCREENSHOTS && page.screenshot({ path: join(process.env.XRAYCAST_SCREENSHOTS, name) });
 
-function changed(a, b) {
+function changed(a, b, by = 8) {
   let count = 0;
-  for (let i = 0; i < a.data.length; i += 4) if (Math.abs(a.data[i] - b.data[i]) > 8) ++count;
+  for (let i = 0; i < a.data.length; i += 4) if (Math.abs(a.data[i] - b.data[i]) > by) ++count;
   return count;
 }
 
@@ -230,10 +230,11 @@ browser_test("a balloon leaves its stent in the vessel", async (t) => {
   await until_at(page, 150);
   await page.keyboard.up("ArrowUp");
   await page.keyboard.down("x");
-  const before = await seen("stent-before.png"), noise = changed(before, await seen("stent-before.png"));
+  const kMetal = 40; // greys by which a filled balloon is darker, and noise hardly ever
+  const before = await seen("stent-before.png"), noise = changed(before, await seen("stent-before.png"), kMetal);
   await fill(8);
   await reads(page, "#live-readout", /balloon 8\.0 bar, [56]\.\d\d mm/);
-  const filled = changed(before, await seen("stent-filled.png"));
+  const filled = changed(before, await seen("stent-filled.png"), kMetal);
   await page.click("#fold");
   await reads(page, "#live-readout", /balloon folded/);
   await page.focus("#stage");
@@ -242,7 +243,7 @@ browser_test("a balloon leaves its stent in the vessel", async (t) => {
   await page.keyboard.up("ArrowDown");
   await seen("stent-left.png");
   t.diagnostic(`${filled} pixels changed as the balloon was filled, ${noise} by noise alone`);
-  assert.ok(filled > noise + 200, `${filled} and ${noise}`);
+  assert.ok(filled > noise + 100, `${filled} and ${noise}`);
   await page.keyboard.up("x");
   await page.click("#report summary");
   await reads(page, "#report-table", /artery: stent-6x18.*stent's diameter/);
