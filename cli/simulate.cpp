@@ -251,9 +251,9 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   const bool is_monitored = exercise || !options.report.empty();
   std::optional<RunMonitor> monitor;
   InjectedVolume injected;
-  const auto use_of = [&](const InjectedVolume& volume) {
+  const auto used = [&] {
     RunUse use = cine ? cine->use() : RunUse{};
-    if (request.injection.volume_ml() > 0) use.contrast_ml = volume.injected_ml();
+    if (request.injection.volume_ml() > 0) use.contrast_ml = injected.injected_ml();
     return use;
   };
   const Run run = xraycast::run(request, invocation.progress, [&](const Instruments& moved, double time_s) {
@@ -264,11 +264,11 @@ void simulate(SimulateArguments options, Invocation& invocation) {
     if (!monitor)
       monitor.emplace(moved, names_of(request.instruments), progress_of(exercise, *request.tree));
     else
-      monitor->add(moved, use_of(injected));
+      monitor->add(moved, used());
   });
   const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
   if (monitor && !run.embolised.empty()) {
-    RunUse use = use_of(injected);
+    RunUse use = used();
     use.embolised = run.embolised;
     monitor->use(use);
   }

@@ -84,18 +84,19 @@ HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::
       held.recorded = RecordedRun::of(held.request.instruments);
     std::optional<RunMonitor> monitor;
     InjectedVolume injected;
-    const auto use_of = [&](const InjectedVolume& volume) {
-      return held.request.injection.volume_ml() > 0 ? RunUse{.contrast_ml = volume.injected_ml()} : RunUse{};
+    const auto used = [&] {
+      return held.request.injection.volume_ml() > 0 ? RunUse{.contrast_ml = injected.injected_ml()}
+                                                    : RunUse{};
     };
     held.run = run(held.request, reported, [&](const Instruments& moved, double time_s) {
       injected.advance(moved, time_s, held.request.injection);
       if (monitor)
-        monitor->add(moved, use_of(injected));
+        monitor->add(moved, used());
       else
         monitor.emplace(moved, names_of(held.request.instruments), progress_of(task, *tree.tree));
       if (held.recorded) held.recorded->record(moved, time_s);
     });
-    RunUse use = use_of(injected);
+    RunUse use = used();
     use.embolised = held.run.embolised;
     monitor->use(use);
     held.report = monitor->json(true);

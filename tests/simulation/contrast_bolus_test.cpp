@@ -1,5 +1,7 @@
 #include "xraycast/simulation/contrast_bolus.hpp"
 
+#include "straight_vessels.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,15 +11,6 @@
 
 namespace xraycast::test::contrast_bolus_test {
 namespace {
-
-VesselBranch straight(glm::dvec3 from_mm, glm::dvec3 to_mm, double radius_mm, int parent) {
-  VesselBranch branch;
-  branch.parent = parent;
-  constexpr int kStretches = 100;
-  for (int i = 0; i <= kStretches; ++i)
-    branch.points.push_back({from_mm + (to_mm - from_mm) * (static_cast<double>(i) / kStretches), radius_mm});
-  return branch;
-}
 
 /// 100 mm of vessel that divide into two of different width, of which the wider divides once more.
 VesselTree tree() {
@@ -51,13 +44,6 @@ VesselTree grown(std::uint32_t seed) {
 }
 
 constexpr double kSteady_bpm = 0;
-
-VesselTree::Location place(int branch, double arc_length_mm) {
-  VesselTree::Location location;
-  location.branch = branch;
-  location.arc_length_mm = arc_length_mm;
-  return location;
-}
 
 class Bolus : public testing::Test {
  protected:

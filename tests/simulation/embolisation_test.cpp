@@ -1,5 +1,6 @@
 #include "xraycast/blood_flow/embolisation.hpp"
 
+#include "straight_vessels.hpp"
 #include "support/branching_tree.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/blood_flow/tree_flow.hpp"
@@ -14,15 +15,6 @@
 namespace xraycast::embolisation_test {
 namespace {
 
-VesselBranch straight(glm::dvec3 from_mm, glm::dvec3 to_mm, double radius_mm, int parent,
-                      std::string name = {}) {
-  VesselBranch branch;
-  branch.parent = parent;
-  branch.name = std::move(name);
-  for (int i = 0; i <= 10; ++i) branch.points.push_back({from_mm + (to_mm - from_mm) * (0.1 * i), radius_mm});
-  return branch;
-}
-
 constexpr int kAorta = 0, kLeft = 1, kRight = 2, kLower = 3, kMedial = 4, kLateral = 5;
 
 /// An aorta, kidneys, and two branches of the left one's artery.
@@ -34,13 +26,6 @@ VesselTree kidneys() {
        straight({0, 0, -200}, {0, 0, -300}, 9, 0, "aorta"), straight({40, 0, -205}, {60, 0, -190}, 2, 1),
        straight({40, 0, -205}, {60, 0, -220}, 1.5, 1)},
       "kidneys");
-}
-
-VesselTree::Location place(int branch, double arc_length_mm) {
-  VesselTree::Location location;
-  location.branch = branch;
-  location.arc_length_mm = arc_length_mm;
-  return location;
 }
 
 double sum_of(const Embolisation& embolisation) {

@@ -1,4 +1,5 @@
 #include "aneurysm_tree.hpp"
+#include "straight_vessels.hpp"
 #include "xraycast/blood_flow/flow_cycle.hpp"
 #include "xraycast/blood_flow/sac_inflow.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
@@ -18,13 +19,6 @@ constexpr int kSac = 2;
 const Blood kSteady{.heart_rate_bpm = 0};
 
 AneurysmSac sac_in(const VesselTree& tree) { return sac_of(tree, kSac).value(); }
-
-VesselTree::Location place(int branch, double arc_length_mm) {
-  VesselTree::Location location;
-  location.branch = branch;
-  location.arc_length_mm = arc_length_mm;
-  return location;
-}
 
 TEST(AneurysmSac, IsTheBallWithoutTheCapAtItsNeck) {
   const AneurysmTree made;

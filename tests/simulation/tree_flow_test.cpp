@@ -1,5 +1,6 @@
 #include "xraycast/blood_flow/tree_flow.hpp"
 
+#include "straight_vessels.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/blood_flow/flow_cycle.hpp"
 
@@ -15,17 +16,6 @@
 
 namespace xraycast::tree_flow_test {
 namespace {
-
-VesselBranch straight(glm::dvec3 from_mm, glm::dvec3 to_mm, double radius_mm, int parent,
-                      std::string name = {}) {
-  VesselBranch branch;
-  branch.parent = parent;
-  branch.name = std::move(name);
-  constexpr int kStretches = 100;
-  for (int i = 0; i <= kStretches; ++i)
-    branch.points.push_back({from_mm + (to_mm - from_mm) * (static_cast<double>(i) / kStretches), radius_mm});
-  return branch;
-}
 
 /// Halves a branch's radius over a tenth of its length.
 VesselBranch stenosed(VesselBranch branch) {
@@ -55,13 +45,6 @@ VesselTree coronary(bool has_stenosis = false) {
   return VesselTree({straight({0, 0, 0}, {10, 0, 0}, 2, -1, "left main coronary artery"), descending,
                      straight({10, 0, 0}, {10, 50, -40}, 1.5, 0, "circumflex artery")},
                     "coronary");
-}
-
-VesselTree::Location place(int branch, double arc_length_mm) {
-  VesselTree::Location location;
-  location.branch = branch;
-  location.arc_length_mm = arc_length_mm;
-  return location;
 }
 
 struct Cycle {
