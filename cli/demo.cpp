@@ -265,10 +265,11 @@ void make_run(const std::shared_ptr<const VesselTree>& tree, const std::shared_p
   const RunRequest request{.tree = tree, .script = Script::parse(kScript, "demo"), .interval_s = 0.02};
   RecordedRun recorded = RecordedRun::of(request.instruments);
   const Run run = report.timed("catheter run of 10.5 s, with its frames", [&] {
-    return xraycast::run(request, progress, [&](const Instruments& moved, double time_s) {
-      for (const auto& cine : cines) cine->advance(moved, time_s);
-      recorded.record(moved, time_s);
-    });
+    return xraycast::run(request, progress,
+                         [&](const Instruments& moved, double time_s, const InstrumentPressures&) {
+                           for (const auto& cine : cines) cine->advance(moved, time_s);
+                           recorded.record(moved, time_s);
+                         });
   });
   for (const auto& cine : cines) cine->finish();
   report.note("tip of the catheter",
@@ -298,8 +299,9 @@ void make_angiography(const std::shared_ptr<const VesselTree>& tree,
                            .instruments = instruments_named({"pigtail-5f"}),
                            .script = Script::parse(kFlushScript, "demo")};
   report.timed("angiography of the renal arteries", [&] {
-    return run(request, progress,
-               [&](const Instruments& moved, double time_s) { cine.advance(moved, time_s); });
+    return run(request, progress, [&](const Instruments& moved, double time_s, const InstrumentPressures&) {
+      cine.advance(moved, time_s);
+    });
   });
   cine.finish();
   report.cine("run-dsa", "DSA, 20 ml into the aorta");
@@ -321,8 +323,9 @@ void make_steering(const std::shared_ptr<const VesselTree>& tree, const std::sha
                            .entry = {glm::dvec3(-89, -54, -357)},
                            .script = Script::parse(std::string(script.source), std::string(script.name), 2)};
   report.timed("wire and catheter to the carotid artery", [&] {
-    return run(request, progress,
-               [&](const Instruments& moved, double time_s) { cine.advance(moved, time_s); });
+    return run(request, progress, [&](const Instruments& moved, double time_s, const InstrumentPressures&) {
+      cine.advance(moved, time_s);
+    });
   });
   cine.finish();
   report.cine("carotid", "a wire, then the catheter");

@@ -2,6 +2,7 @@
 #include "options/command.hpp"
 #include "options/exercise_options.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/heart_options.hpp"
 #include "options/motion_options.hpp"
 #include "options/run_options.hpp"
 #include "options/scene_options.hpp"
@@ -43,6 +44,7 @@ struct SimulateArguments {
   std::string map, cine, look = "fluoro";
   std::vector<std::string> objects;
   InjectionOptions injection;
+  HeartOptions heart;
   SubtractionOptions subtraction;
   ViewOptions view;
   DicomOptions dicom;
@@ -236,9 +238,9 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   if (!options.pressure_plot.empty())
     check_picture_name(options.pressure_plot, "--pressure-plot " + options.pressure_plot);
   check_cine(options);
-  const double heart_rate_bpm = parse_heart_rate(options.injection);
+  const Blood with_heart = parse_heart(options.heart);
   RunRequest request = parse_run(options.run, options.tree);
-  request.blood.heart_rate_bpm = heart_rate_bpm;
+  request.blood = with_heart;
   if (exercise) apply(*exercise, options.run, request);
   request.injection = parse_injection(options.injection);
   invocation.say(check(request));
@@ -250,25 +252,21 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   HubSamples samples(*request.script);
   const bool is_monitored = exercise || !options.report.empty();
   std::optional<RunMonitor> monitor;
-  InjectedVolume injected;
-  const auto used = [&] {
-    RunUse use = cine ? cine->use() : RunUse{};
-    if (request.injection.volume_ml() > 0) use.contrast_ml = injected.injected_ml();
-    return use;
-  };
-  const Run run = xraycast::run(request, invocation.progress, [&](const Instruments& moved, double time_s) {
-    injected.advance(moved, time_s, request.injection);
-    if (!options.plot.empty()) samples.record(moved, time_s);
-    if (cine) cine->advance(moved, time_s);
-    if (!is_monitored) return;
-    if (!monitor)
-      monitor.emplace(moved, names_of(request.instruments), progress_of(exercise, *request.tree));
-    else
-      monitor->add(moved, used());
-  });
+  RunUse use;
+  const Run run = xraycast::run(
+      request, invocation.progress,
+      [&](const Instruments& moved, double time_s, const InstrumentPressures& blood) {
+        if (!options.plot.empty()) samples.record(moved, time_s);
+        if (cine) cine->advance(moved, time_s);
+        if (!is_monitored) return;
+        use = with_blood(cine ? cine->use() : RunUse{}, request, blood);
+        if (!monitor)
+          monitor.emplace(moved, names_of(request.instruments), progress_of(exercise, *request.tree));
+        else
+          monitor->add(moved, use);
+      });
   const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
   if (monitor && !run.embolised.empty()) {
-    RunUse use = used();
     use.embolised = run.embolised;
     monitor->use(use);
   }
@@ -398,6 +396,7 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       ->capture_default_str()
       ->type_name("NAME");
   add_injection_options(*command, options->injection);
+  add_heart_options(*command, options->heart);
   add_subtraction_options(*command, options->subtraction);
   add_view_options(*command, options->view);
   add_dicom_options(*command, options->dicom);

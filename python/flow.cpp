@@ -1,6 +1,7 @@
 #include "flow.hpp"
 
 #include "calls/arguments.hpp"
+#include "calls/blood.hpp"
 #include "calls/job.hpp"
 #include "calls/values.hpp"
 #include "vessels.hpp"
@@ -19,9 +20,10 @@ struct HeldFlow {
   std::shared_ptr<const FlowCycle> cycle;
 };
 
-HeldFlow flow_of(const HeldTree& tree, double heart_rate_bpm, bool hyperaemia, const nb::object& progress) {
-  const FlowRequest request{
-      tree.tree, {.heart_rate_bpm = heart_rate_bpm, .coronary_resistance = hyperaemia ? kHyperaemia : 1}};
+HeldFlow flow_of(const HeldTree& tree, const nb::object& heart_rate_bpm, const nb::object& heart_waveform,
+                 bool hyperaemia, const nb::object& progress) {
+  FlowRequest request{tree.tree, blood_of(heart_rate_bpm, heart_waveform)};
+  if (hyperaemia) request.blood.coronary_resistance = kHyperaemia;
   check(request);
   return result_of(progress, [&](Progress& reported) {
     return HeldFlow{tree.tree, std::make_shared<const FlowCycle>(flow_cycle(request, reported))};
@@ -78,12 +80,17 @@ void add_flow(nb::module_& module) {
         return text_object(fmt::format("<xraycast.BloodFlow of {} branches>", f.cycle->vessels.size()));
       });
   module.def(
-      "flow", flow_of, nb::arg("tree"), nb::kw_only(), nb::arg("heart_rate_bpm") = Blood{}.heart_rate_bpm,
-      nb::arg("hyperaemia") = false, nb::arg("progress") = nb::none(),
-      nb::sig("def flow(tree: VesselTree, *, heart_rate_bpm: float = 70.0, hyperaemia: bool = False, "
+      "flow", flow_of, nb::arg("tree"), nb::kw_only(), nb::arg("heart_rate_bpm") = nb::none(),
+      nb::arg("heart_waveform") = nb::none(), nb::arg("hyperaemia") = false, nb::arg("progress") = nb::none(),
+      nb::sig("def flow(tree: VesselTree, *, heart_rate_bpm: float | None = None, "
+              "heart_waveform: str | os.PathLike[str] | numpy.typing.ArrayLike | None = None, "
+              "hyperaemia: bool = False, "
               "progress: xraycast._progress.Listener | None = None) -> BloodFlow"),
       "How the blood flows through a VesselTree over a heartbeat (docs/blood-flow.md), as a BloodFlow.\n\n"
-      "heart_rate_bpm: beats per minute; 0: it flows steadily.  hyperaemia: the coronary periphery has the "
+      "heart_rate_bpm: beats per minute (None: 70); 0: it flows steadily.  heart_waveform: instead, what the "
+      "heart ejects into the aorta over a beat, a CSV file or an array (samples, 2) of times in s and flows "
+      "in "
+      "ml/s; its mean is the heart's output.  hyperaemia: the coronary periphery has the "
       "least resistance, as by adenosine.");
 }
 

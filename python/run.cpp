@@ -1,6 +1,7 @@
 #include "run.hpp"
 
 #include "calls/arguments.hpp"
+#include "calls/blood.hpp"
 #include "calls/entry.hpp"
 #include "calls/job.hpp"
 #include "calls/monitoring.hpp"
@@ -69,13 +70,13 @@ Injection injection_of(const nb::object& times, double rate_ml_s, double iodine_
 
 HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::object& script,
                  const nb::object& entry, double interval_s, const PathArgument& motion,
-                 const PhaseArgument& phase, const PathArgument& exercise, double heart_rate_bpm,
-                 const nb::object& inject, double injection_rate_ml_s, double iodine_mg_ml,
-                 double particles_mm, const nb::object& progress) {
+                 const PhaseArgument& phase, const PathArgument& exercise, const nb::object& heart_rate_bpm,
+                 const nb::object& heart_waveform, const nb::object& inject, double injection_rate_ml_s,
+                 double iodine_mg_ml, double particles_mm, const nb::object& progress) {
   HeldRun held{run_of(tree, instruments, entry, motion, phase, "instruments"), {}};
   held.request.script = script_of(script, held.request.instruments.size());
   held.request.interval_s = interval_s;
-  held.request.blood.heart_rate_bpm = heart_rate_bpm;
+  held.request.blood = blood_of(heart_rate_bpm, heart_waveform);
   held.request.injection = injection_of(inject, injection_rate_ml_s, iodine_mg_ml, particles_mm);
   const std::optional<Exercise> task = take_exercise(held.request, entry, exercise);
   return result_of(progress, [&](Progress& reported) {
@@ -83,20 +84,17 @@ HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::
     if (held.request.script->rows().back().time_s <= RecordedRun::kLongest_s)
       held.recorded = RecordedRun::of(held.request.instruments);
     std::optional<RunMonitor> monitor;
-    InjectedVolume injected;
-    const auto used = [&] {
-      return held.request.injection.volume_ml() > 0 ? RunUse{.contrast_ml = injected.injected_ml()}
-                                                    : RunUse{};
-    };
-    held.run = run(held.request, reported, [&](const Instruments& moved, double time_s) {
-      injected.advance(moved, time_s, held.request.injection);
-      if (monitor)
-        monitor->add(moved, used());
-      else
-        monitor.emplace(moved, names_of(held.request.instruments), progress_of(task, *tree.tree));
-      if (held.recorded) held.recorded->record(moved, time_s);
-    });
-    RunUse use = used();
+    RunUse use;
+    held.run =
+        run(held.request, reported,
+            [&](const Instruments& moved, double time_s, const InstrumentPressures& blood) {
+              use = with_blood({}, held.request, blood);
+              if (monitor)
+                monitor->add(moved, use);
+              else
+                monitor.emplace(moved, names_of(held.request.instruments), progress_of(task, *tree.tree));
+              if (held.recorded) held.recorded->record(moved, time_s);
+            });
     use.embolised = held.run.embolised;
     monitor->use(use);
     held.report = monitor->json(true);
@@ -240,15 +238,16 @@ void add_run(nb::module_& module) {
       "simulate", simulate, nb::arg("tree"), nb::arg("instruments").none(), nb::arg("script").none(),
       nb::kw_only(), nb::arg("entry") = nb::none(), nb::arg("interval_s") = 0.0,
       nb::arg("motion") = nb::none(), nb::arg("phase") = nb::none(), nb::arg("exercise") = nb::none(),
-      nb::arg("heart_rate_bpm") = Blood{}.heart_rate_bpm, nb::arg("inject") = nb::none(),
-      nb::arg("injection_rate_ml_s") = Injection{}.rate_ml_s,
+      nb::arg("heart_rate_bpm") = nb::none(), nb::arg("heart_waveform") = nb::none(),
+      nb::arg("inject") = nb::none(), nb::arg("injection_rate_ml_s") = Injection{}.rate_ml_s,
       nb::arg("iodine_mg_ml") = Injection{}.agent_mg_ml, nb::arg("particles_mm") = 0.0,
       nb::arg("progress") = nb::none(),
       nb::sig("def simulate(tree: VesselTree, instruments: collections.abc.Sequence[str | os.PathLike[str]], "
               "script: str | os.PathLike[str] | numpy.typing.ArrayLike, *, "
               "entry: int | numpy.typing.ArrayLike | None = None, interval_s: float = 0.0, "
               "motion: str | os.PathLike[str] | None = None, phase: dict[str, float] | None = None, "
-              "exercise: str | os.PathLike[str] | None = None, heart_rate_bpm: float = 70.0, "
+              "exercise: str | os.PathLike[str] | None = None, heart_rate_bpm: float | None = None, "
+              "heart_waveform: str | os.PathLike[str] | numpy.typing.ArrayLike | None = None, "
               "inject: numpy.typing.ArrayLike | None = None, injection_rate_ml_s: float = 5.0, "
               "iodine_mg_ml: float = 350.0, particles_mm: float = 0.0, "
               "progress: xraycast._progress.Listener | None = None) -> Run"),
@@ -265,7 +264,9 @@ void add_run(nb::module_& module) {
       "motion: a motion.json, by which the body moves from 0 s on.  phase: a dict of modes that are held, "
       "and "
       "their phases, 0 to 1.  exercise: a file of a task, which Run.report() tells of, and whose entry is "
-      "the default.  heart_rate_bpm: beats per minute, which pace the blood; 0: it flows steadily.\n"
+      "the default.  heart_rate_bpm: beats per minute (None: 70), which pace the blood; 0: it flows "
+      "steadily.  "
+      "heart_waveform: as flow()'s.\n"
       "inject: times (from, to) in s, between which contrast agent is injected at the tip, at "
       "`injection_rate_ml_s`, of `iodine_mg_ml`, with particles of `particles_mm` in it, which close the "
       "arterioles where the blood takes them (Run.embolised).");

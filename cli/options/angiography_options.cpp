@@ -3,7 +3,6 @@
 #include "options/command.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/blood_flow/heartbeat.hpp"
 #include "xraycast/projection/xa_file.hpp"
 
 #include <cmath>
@@ -38,11 +37,6 @@ void add_injection_options(CLI::App& command, InjectionOptions& options) {
                   "they go with the blood and close the arterioles where they arrive")
       ->needs(inject)
       ->type_name("MM");
-  command
-      .add_option("--heart-rate", options.heart_rate_bpm,
-                  "Heart rate in beats per minute, which paces the blood's flow and pressure")
-      ->capture_default_str()
-      ->type_name("BPM");
 }
 
 Injection parse_injection(const InjectionOptions& options) {
@@ -61,14 +55,6 @@ Injection parse_injection(const InjectionOptions& options) {
   }
   check(injection);
   return injection;
-}
-
-double parse_heart_rate(const InjectionOptions& options) {
-  const double bpm = options.heart_rate_bpm;
-  if (!(bpm >= kMinHeartRate_bpm && bpm <= kMaxHeartRate_bpm))
-    throw InputError("--heart-rate {:g}: must be {:g} to {:g} beats per minute", bpm, kMinHeartRate_bpm,
-                     kMaxHeartRate_bpm);
-  return bpm;
 }
 
 void add_mask_phase_option(CLI::App& command, SubtractionOptions& options) {

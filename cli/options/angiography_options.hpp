@@ -11,10 +11,10 @@
 
 namespace xraycast::cli {
 
-/// --inject, --injection-rate, --injection-volume, --iodine, --particles and --heart-rate, as given.
+/// --inject, --injection-rate, --injection-volume, --iodine and --particles, as given.
 struct InjectionOptions {
   std::string times;
-  double rate_ml_s = Injection{}.rate_ml_s, iodine_mg_ml = Injection{}.agent_mg_ml, heart_rate_bpm = 70;
+  double rate_ml_s = Injection{}.rate_ml_s, iodine_mg_ml = Injection{}.agent_mg_ml;
   std::optional<double> volume_ml;
   double particles_mm = 0;
 };
@@ -23,9 +23,6 @@ void add_injection_options(CLI::App& command, InjectionOptions& options);
 
 /// None, of no duration, where --inject was not given. Throws InputError.
 Injection parse_injection(const InjectionOptions& options);
-
-/// Checks --heart-rate. Throws InputError.
-double parse_heart_rate(const InjectionOptions& options);
 
 /// --mask-shift and --max-opacification, as given.
 struct SubtractionOptions {

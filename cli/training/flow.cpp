@@ -1,4 +1,5 @@
 #include "options/command.hpp"
+#include "options/heart_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -14,7 +15,7 @@ namespace {
 
 struct FlowArguments {
   std::string tree, table;
-  double heart_rate_bpm = Blood{}.heart_rate_bpm;
+  HeartOptions heart;
   bool hyperaemia = false;
 };
 
@@ -48,9 +49,9 @@ std::string text_of(const FlowCycle& cycle, const VesselTree& tree) {
 
 void flow(const FlowArguments& options, Invocation& invocation) {
   if (!options.table.empty()) check_writable(options.table);
-  const FlowRequest request{std::make_shared<const VesselTree>(read_tree(options.tree)),
-                            {.heart_rate_bpm = options.heart_rate_bpm,
-                             .coronary_resistance = options.hyperaemia ? kHyperaemia : 1}};
+  FlowRequest request{std::make_shared<const VesselTree>(read_tree(options.tree)),
+                      parse_heart(options.heart)};
+  if (options.hyperaemia) request.blood.coronary_resistance = kHyperaemia;
   const FlowCycle cycle = flow_cycle(request, invocation.progress);
   if (!options.table.empty()) {
     OutputSet outputs;
@@ -68,6 +69,7 @@ void add_flow(CLI::App& app, Invocation& invocation) {
                                   "Tell how the blood flows through a vessel tree, and its pressures",
                                   "  xraycast flow vessels\n"
                                   "  xraycast flow coronaries/tree.json --hyperaemia -o reserve.csv\n"
+                                  "  xraycast flow vessels --heart-waveform ascending-aorta.csv\n"
                                   "Pressures are those at the vessels' ends. With --hyperaemia their ratios "
                                   "to the aorta's are fractional flow\n"
                                   "reserves.",
@@ -76,11 +78,7 @@ void add_flow(CLI::App& app, Invocation& invocation) {
       ->required()
       ->type_name("TREE");
   command->add_option("-o,--output", options->table, "Write a table too, a line a branch")->type_name("CSV");
-  command
-      ->add_option("--heart-rate", options->heart_rate_bpm,
-                   "Heart rate in beats per minute; 0: the blood flows steadily")
-      ->capture_default_str()
-      ->type_name("BPM");
+  add_heart_options(*command, options->heart);
   command->add_flag("--hyperaemia", options->hyperaemia,
                     "The coronary periphery has the least resistance, as by adenosine");
 }

@@ -5,6 +5,11 @@
 namespace xraycast::cli_test {
 namespace {
 
+void make_backward_heart(const TemporaryFolder& folder) {
+  make_run(folder);
+  write_bytes(folder / "backwards.csv", "time_s,flow_ml_s\n0,0\n0.4,-100\n0.8,0\n");
+}
+
 class Refusals : public Cli {};
 
 struct BadCall {
@@ -229,8 +234,15 @@ const BadCall kBadCalls[] = {
     {"FlowInNoTree", "flow @/nothing.vtp", 3, "nothing.vtp"},
     {"FlowAtNoRate", "flow @/tree.json --heart-rate 7", 3,
      "--heart-rate 7: must be 0, for a steady flow, or 20 to 250", make_run},
-    {"InjectWithoutAHeart", SIMULATE_DSA " --inject 0.5,0.9 --heart-rate 0", 3,
-     "--heart-rate 0: must be 20 to 250 beats per minute", make_run},
+    {"SimulateAtNoRate", SIMULATE_DSA " --inject 0.5,0.9 --heart-rate 7", 3,
+     "--heart-rate 7: must be 0, for a steady flow, or 20 to 250", make_run},
+    {"FlowOfABackwardHeart", "flow @/tree.json --heart-waveform @/backwards.csv", 3,
+     "backwards.csv: its mean is -50 ml/s; a heart gives more than 0 and at most 1000 ml/s",
+     make_backward_heart},
+    {"FlowOfAScript", "flow @/tree.json --heart-waveform @/push.csv", 3,
+     "push.csv: line 2: \"0,0,0\" is not a time in s and a flow in ml/s, such as 0.12,310", make_run},
+    {"FlowOfTwoHearts", "flow @/tree.json --heart-waveform @/push.csv --heart-rate 60", 2,
+     "--heart-rate excludes --heart-waveform", make_run},
     {"SubtractNothing", SIMULATE_DSA, 3, "--look dsa: there is no contrast agent to show; add --inject",
      make_run},
     {"ShiftNoMask", SIMULATE_DSA " --inject 0.5,0.9 --mask-shift 1", 3,

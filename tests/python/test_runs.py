@@ -49,6 +49,15 @@ def test_pressures_are_those_of_a_pulse(tree):
     assert run.records["aortic_mmHg"][0, 0] == run.pressures[0, 1] and run.records["pressure_mmHg"][0, 1] == run.pressures[0, 3]
     steady = xc.simulate(tree, PAIR, SCRIPT, entry=0, heart_rate_bpm=0)
     assert np.ptp(steady.pressures[:, 1]) < 1 and steady.last["aortic_mmHg"][0] == pytest.approx(93, abs=1)
+    measured = [(0, 0), (0.1, 400), (0.3, 0), (0.75, 0)]
+    own = xc.simulate(tree, PAIR, SCRIPT, entry=0, heart_waveform=measured)
+    assert np.ptp(own.pressures[:, 1]) > 10
+    for waveform, message in [([(0, 0), (0.4, -100), (0.8, 0)], "heart_waveform: its mean is -50 ml/s"),
+                              ([(0, 0, 0)], "heart_waveform: must be a file or"), ("nowhere.csv", "nowhere.csv")]:
+        with pytest.raises(xc.InputError, match=message):
+            xc.simulate(tree, PAIR, SCRIPT, entry=0, heart_waveform=waveform)
+    with pytest.raises(xc.InputError, match="heart_waveform: paces the heart; leave heart_rate_bpm out"):
+        xc.flow(tree, heart_waveform=measured, heart_rate_bpm=60)
     with pytest.raises(xc.InputError, match="heart_rate_bpm 7: must be 0, for a steady flow, or 20 to 250"):
         xc.simulate(tree, PAIR, SCRIPT, entry=0, heart_rate_bpm=7)
 
@@ -79,6 +88,13 @@ def test_flow_has_the_curves_of_a_beat(tmp_path):
         coronaries.write(tmp_path / "tree.json")
         words = [PROGRAM, "flow", tmp_path / "tree.json", "--hyperaemia", "--json", "-o", tmp_path / "told.csv"]
         told = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+        (tmp_path / "heart.csv").write_text("time_s,flow_ml_s\n0,0\n0.1,400\n0.3,0\n0.75,0\n")
+        heart = [PROGRAM, "flow", tmp_path / "tree.json", "--heart-waveform", tmp_path / "heart.csv", "--json"]
+        own = json.loads(subprocess.run(heart, check=True, capture_output=True, text=True).stdout)
+        for waveform in (tmp_path / "heart.csv", np.loadtxt(tmp_path / "heart.csv", delimiter=",", skiprows=1)):
+            beat = xc.flow(coronaries, heart_waveform=waveform)
+            assert beat.time_s[-1] == pytest.approx(0.75)
+            assert own["vessels"][1]["flow_ml_s"]["mean"] == pytest.approx(beat.flow_ml_s[:, 1].mean(), rel=1e-9)
         assert told["vessels"][1]["pressure_ratio"] == pytest.approx(flow.pressure_ratio[1], rel=1e-9)
         assert (tmp_path / "told.csv").read_text() == (tmp_path / "flow.csv").read_text()
 

@@ -1,3 +1,4 @@
+#include "support/basilar_tip.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/c/simulation.h"
 #include "xraycast/coaxial/instruments.hpp"
@@ -105,6 +106,42 @@ TEST(CSimulation, FillsABalloonAndLeavesItsStent) {
   EXPECT_EQ(std::string(xrc_last_error()), "bar: -1, which should be 0 or more");
   EXPECT_EQ(xrc_draw_sheath(simulation.get(), 1, 5), XRC_INPUT_ERROR);
   EXPECT_EQ(xrc_get_treatments(simulation.get(), nullptr, 1, &count), XRC_INPUT_ERROR);
+}
+
+TEST(CSimulation, DetachesACoil) {
+  const TemporaryFolder folder;
+  write_tree(test::basilar_tip(), folder / "tree.json");
+  const std::string file = (folder / "tree.json").string();
+  const char* const names[] = {"microcatheter-24f", "coil-10x30"};
+  xrc_setup setup{};
+  setup.tree_file = file.c_str();
+  setup.instruments = names;
+  setup.instrument_count = 2;
+  const Simulation simulation = made(setup);
+  std::array<xrc_hub, 2> hubs{};
+  const auto push = [&](std::size_t hub, double to_mm) {
+    while (hubs[hub].insertion_mm < to_mm) {
+      hubs[hub].insertion_mm += 0.2;
+      ASSERT_EQ(xrc_step(simulation.get(), hubs.data(), 2), XRC_OK) << xrc_last_error();
+    }
+  };
+  xrc_coil coil{};
+  push(0, 106);
+  push(1, 256);
+  ASSERT_EQ(xrc_get_coil(simulation.get(), 1, &coil), XRC_OK);
+  EXPECT_EQ(coil.length_mm, 300);
+  EXPECT_NEAR(coil.laid_mm, 150, 5);                   // but for slack in the catheter
+  ASSERT_EQ(xrc_detach(simulation.get(), 1), XRC_OK);  // in vain
+  push(1, 406);
+  ASSERT_EQ(xrc_detach(simulation.get(), 1), XRC_OK);
+  for (int step = 0; step < 20; ++step)  // coils are looked at every tenth one
+    ASSERT_EQ(xrc_step(simulation.get(), hubs.data(), 2), XRC_OK);
+  ASSERT_EQ(xrc_get_coil(simulation.get(), 1, &coil), XRC_OK);
+  EXPECT_EQ(coil.length_mm, 0);
+  EXPECT_EQ(coil.detached, 1);
+  EXPECT_GT(coil.packing, 0.03);
+  EXPECT_EQ(xrc_detach(simulation.get(), 0), XRC_INPUT_ERROR);
+  EXPECT_EQ(std::string(xrc_last_error()), "instrument: 0 has no coils");
 }
 
 TEST(CSimulation, IsTheOneOfCpp) {

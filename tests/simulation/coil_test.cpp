@@ -206,17 +206,18 @@ TEST(Coils, PackAnAneurysmOf10MmToAFifthAndItsInflowFalls) {
   const RunRequest request = coiling(rows_of(4));
   double most_N = 0;
   std::optional<RunMonitor> monitor;
-  const xraycast::Run made = done(request, [&](const Instruments& instruments, double) {
-    if (monitor)
-      monitor->add(instruments);
-    else
-      monitor.emplace(instruments, names_of(request.instruments), std::nullopt);
-    ASSERT_TRUE(std::isfinite(instruments.load(1).force_N));
-    most_N = std::max(most_N, instruments.load(1).force_N);
-    for (const CoilPack& pack : instruments.coil_packs())
-      for (const LaidCoil& coil : pack.coils())
-        for (const glm::dvec3& point_mm : coil.points_mm) ASSERT_GT(pack.sac().depth_mm(point_mm), 0.17);
-  });
+  const xraycast::Run made =
+      done(request, [&](const Instruments& instruments, double, const InstrumentPressures&) {
+        if (monitor)
+          monitor->add(instruments);
+        else
+          monitor.emplace(instruments, names_of(request.instruments), std::nullopt);
+        ASSERT_TRUE(std::isfinite(instruments.load(1).force_N));
+        most_N = std::max(most_N, instruments.load(1).force_N);
+        for (const CoilPack& pack : instruments.coil_packs())
+          for (const LaidCoil& coil : pack.coils())
+            for (const glm::dvec3& point_mm : coil.points_mm) ASSERT_GT(pack.sac().depth_mm(point_mm), 0.17);
+      });
   EXPECT_THAT(made.notes, IsEmpty());
   ASSERT_EQ(made.coilings.size(), 4);
   const Coiling& last = made.coilings.back();
@@ -244,7 +245,7 @@ TEST(Coils, AreReplayedToTheBit) {
 TEST(Coils, LieWithinTheTreesWallsAndTheSimulatedOnes) {
   const RunRequest request = coiling(rows_of(2));
   const LumenDistanceField wall(*request.tree);
-  done(request, [&](const Instruments& instruments, double time_s) {
+  done(request, [&](const Instruments& instruments, double time_s, const InstrumentPressures&) {
     if (std::fmod(time_s, 0.5) > 1e-3) return;
     for (const LaidCoil& coil : instruments.coil_packs()[0].coils())
       for (const glm::dvec3& point_mm : coil.points_mm) {

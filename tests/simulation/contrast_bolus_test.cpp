@@ -139,7 +139,7 @@ double arrival_s(ContrastBolus& bolus, const VesselTree::Location& tip, std::siz
 
 // The bar is 5 %. The tip's cell is 2 mm long, and so is the one that is read.
 constexpr double kArrival_s = 3.0 / 170;
-constexpr Blood kParabola{.heart_rate_bpm = kSteady_bpm, .profile_exponent = 2};
+const Blood kParabola{.heart_rate_bpm = kSteady_bpm, .profile_exponent = 2};
 
 TEST_F(Bolus, ArrivesWhenTheBloodDoes) {
   ContrastBolus bolus(tree_, kParabola);

@@ -20,7 +20,7 @@ RunMonitor monitored(const RunRequest& request, std::optional<ExerciseProgress> 
                      const Watch& watch) {
   std::optional<RunMonitor> monitor;
   Progress reported;
-  run(request, reported, [&](const Instruments& moved, double time_s) {
+  run(request, reported, [&](const Instruments& moved, double time_s, const InstrumentPressures&) {
     if (!monitor)
       monitor.emplace(moved, names_of(request.instruments), std::move(progress));
     else

@@ -42,10 +42,11 @@ TEST(Run, RefusesAFirstRowThatAnInstrumentDoesNotReach) {
 TEST(Run, TellsOfTheFirstPosesAndOfEveryStep) {
   std::vector<double> times_s, insertions_mm;
   Progress progress;
-  const auto told = run(push(), progress, [&](const Instruments& instruments, double time_s) {
-    times_s.push_back(time_s);
-    insertions_mm.push_back(instruments.pose(0).insertion_mm);
-  });
+  const auto told =
+      run(push(), progress, [&](const Instruments& instruments, double time_s, const InstrumentPressures&) {
+        times_s.push_back(time_s);
+        insertions_mm.push_back(instruments.pose(0).insertion_mm);
+      });
   ASSERT_EQ(times_s.size(), 201u);
   EXPECT_EQ(times_s.front(), 0);
   EXPECT_EQ(insertions_mm.front(), 10) << "the hub has been moved there";

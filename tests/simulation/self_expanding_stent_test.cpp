@@ -123,7 +123,9 @@ TEST(SelfExpandingStent, FollowsItsVessel) {
   std::vector<PlacedStent> stents;
   const auto tree = vessel(3.2, 0, 0.2);
   run_of(release(tree, stent_of(7, 0.1)),
-         [&](const Instruments& instruments, double) { stents = instruments.treatments().stents(); });
+         [&](const Instruments& instruments, double, const InstrumentPressures&) {
+           stents = instruments.treatments().stents();
+         });
   ASSERT_EQ(stents.size(), 1u);
   ASSERT_EQ(stents[0].radii_mm.size(), 12u);
   for (std::size_t ring = 0; ring < 12; ++ring) {
@@ -141,10 +143,11 @@ TEST(SelfExpandingStent, BecomesShorterTowardsItsFarEnd) {
     std::vector<PlacedStent> stents;
     std::vector<int> rings;
     const RunRequest request = release(vessel(3.5), model, 1, entry_mm);
-    const auto done_run = run_of(request, [&](const Instruments& instruments, double) {
-      stents = instruments.treatments().stents();
-      if (!stents.empty()) rings.push_back(static_cast<int>(stents[0].radii_mm.size()));
-    });
+    const auto done_run =
+        run_of(request, [&](const Instruments& instruments, double, const InstrumentPressures&) {
+          stents = instruments.treatments().stents();
+          if (!stents.empty()) rings.push_back(static_cast<int>(stents[0].radii_mm.size()));
+        });
     ASSERT_EQ(stents.size(), 1u) << entry_mm;
     EXPECT_TRUE(std::is_sorted(rings.begin(), rings.end())) << "one after the other";
     EXPECT_LE(rings.front(), 2);
@@ -172,12 +175,13 @@ TEST(SelfExpandingStent, DoesNotReachAWallThatIsTooFar) {
 TEST(SelfExpandingStent, IsReported) {
   const RunRequest request = release(vessel(3.5, 0.5), InstrumentModel::named("stent-self-8x40"));
   std::optional<RunMonitor> monitor;
-  const auto done_run = run_of(request, [&](const Instruments& instruments, double) {
-    if (monitor)
-      monitor->add(instruments);
-    else
-      monitor.emplace(instruments, names_of(request.instruments));
-  });
+  const auto done_run =
+      run_of(request, [&](const Instruments& instruments, double, const InstrumentPressures&) {
+        if (monitor)
+          monitor->add(instruments);
+        else
+          monitor.emplace(instruments, names_of(request.instruments));
+      });
   const auto json = nlohmann::json::parse(monitor->json(false));
   ASSERT_EQ(json["treatments"].size(), 1u);
   const auto& done = json["treatments"][0];
@@ -241,9 +245,10 @@ TEST(SelfExpandingStent, IsOpenedFurtherByABalloon) {
 TEST(SelfExpandingStent, StaysInItsSheathAsFarAsThatIsNotDrawnBack) {
   const InstrumentModel model = InstrumentModel::named("stent-self-8x40");
   std::vector<PlacedStent> stents;
-  const auto half = run_of(release(vessel(3.5), model, 0.5), [&](const Instruments& instruments, double) {
-    stents = instruments.treatments().stents();
-  });
+  const auto half = run_of(release(vessel(3.5), model, 0.5),
+                           [&](const Instruments& instruments, double, const InstrumentPressures&) {
+                             stents = instruments.treatments().stents();
+                           });
   EXPECT_EQ(half.last[0].free_rings, 8);
   ASSERT_EQ(stents.size(), 1u);
   EXPECT_EQ(stents[0].radii_mm.size(), 8u);

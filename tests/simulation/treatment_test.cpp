@@ -185,7 +185,7 @@ TEST(Balloon, PaysForItsEnergy) {
   for (const double bend_mm : {60.0, 400.0}) {
     const RunRequest request = dilatation({.bend_mm = bend_mm});
     double before_J = 0, worked_J = 0, largest_J = 0, growth_J = 0;
-    run_of(request, [&](const Instruments& instruments, double time_s) {
+    run_of(request, [&](const Instruments& instruments, double time_s, const InstrumentPressures&) {
       const double now_J = instruments.energy_J(), work_J = instruments.wall_work_J(0);
       if (time_s > 2) growth_J = std::max(growth_J, now_J - before_J - (work_J - worked_J));
       largest_J = std::max(largest_J, now_J);
@@ -208,7 +208,7 @@ TEST(Balloon, WidensTheTreeWhereItWas) {
   const NarrowedVessel vessel{.radius_mm = 2.5};
   const RunRequest request = dilatation(vessel);
   std::optional<VesselTree> tree;
-  run_of(request, [&](const Instruments& instruments, double time_s) {
+  run_of(request, [&](const Instruments& instruments, double time_s, const InstrumentPressures&) {
     if (time_s > 5.9) tree.emplace(instruments.widened_tree());
   });
   const VesselBranch& branch = tree->branches()[0];
@@ -287,12 +287,13 @@ TEST(Balloon, IsReported) {
   const NarrowedVessel vessel{.radius_mm = 2.9, .narrowed = 0.6};
   const RunRequest request = dilatation(vessel);
   std::optional<RunMonitor> monitor;
-  const auto done_run = run_of(request, [&](const Instruments& instruments, double) {
-    if (monitor)
-      monitor->add(instruments);
-    else
-      monitor.emplace(instruments, names_of(request.instruments));
-  });
+  const auto done_run =
+      run_of(request, [&](const Instruments& instruments, double, const InstrumentPressures&) {
+        if (monitor)
+          monitor->add(instruments);
+        else
+          monitor.emplace(instruments, names_of(request.instruments));
+      });
   const auto json = nlohmann::json::parse(monitor->json(false));
   ASSERT_EQ(json["treatments"].size(), 1u);
   const auto& done = json["treatments"][0];
@@ -403,10 +404,11 @@ TEST(Stent, StaysWhereItsBalloonWasFolded) {
       "inflate.csv");
   std::vector<std::pair<double, bool>> carried;
   std::vector<PlacedStent> stents;
-  const auto done_run = run_of(request, [&](const Instruments& instruments, double time_s) {
-    carried.emplace_back(time_s, instruments.carried_rings(0) > 0);
-    stents = instruments.treatments().stents();
-  });
+  const auto done_run =
+      run_of(request, [&](const Instruments& instruments, double time_s, const InstrumentPressures&) {
+        carried.emplace_back(time_s, instruments.carried_rings(0) > 0);
+        stents = instruments.treatments().stents();
+      });
   for (const auto& [time_s, is_carried] : carried)
     EXPECT_TRUE(std::abs(time_s - 4) < 0.03 || is_carried == (time_s < 4)) << time_s;
   ASSERT_EQ(done_run.treatments.size(), 4u);

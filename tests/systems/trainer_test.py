@@ -11,6 +11,7 @@ import unittest
 
 PROGRAM, LIBRARY, NODE = sys.argv[1:4]
 del sys.argv[1:4]
+NUMBERS = 5  # of a hub's pose
 TRACE = pathlib.Path(__file__).with_name("trainer_trace.mjs")
 
 
@@ -36,12 +37,12 @@ def native_trace(tree, instruments, poses):
     setup = Setup(str(tree).encode(), None, 0, names, len(instruments), None, 0)
     simulation, trace = ctypes.c_void_p(), array.array("d")
     assert library.xrc_create(ctypes.byref(setup), ctypes.byref(simulation)) == 0
-    width, tip, load, device = 4 * len(instruments), Tip(), (ctypes.c_double * 2)(), Device()
+    width, tip, load, device = NUMBERS * len(instruments), Tip(), (ctypes.c_double * 2)(), Device()
     widest_mm = 0
     for at in range(0, len(poses), width):
-        moves = [value for hub in range(at, at + width, 4) for value in poses[hub:hub + 2]]
+        moves = [value for hub in range(at, at + width, NUMBERS) for value in poses[hub:hub + 2]]
         hubs = (ctypes.c_double * len(moves))(*moves)
-        for instrument, hub in enumerate(range(at, at + width, 4)):
+        for instrument, hub in enumerate(range(at, at + width, NUMBERS)):
             assert library.xrc_inflate(simulation, ctypes.c_size_t(instrument), ctypes.c_double(poses[hub + 2])) == 0
             assert library.xrc_draw_sheath(simulation, ctypes.c_size_t(instrument), ctypes.c_double(poses[hub + 3])) == 0
         assert library.xrc_step(simulation, hubs, ctypes.c_size_t(len(instruments))) == 0
@@ -56,27 +57,27 @@ def native_trace(tree, instruments, poses):
 
 
 def script(rows):
-    """Poses every millisecond, linear between rows of a time and, for each hub, an insertion, a rotation in degrees, a pressure and a
-    sheath's way."""
+    """Poses every millisecond, linear between rows of a time and, for each hub, an insertion, a rotation in degrees, a pressure, a
+    sheath's way and coils to be detached."""
     poses = array.array("d")
     for (from_s, *a), (to_s, *b) in zip(rows, rows[1:]):
         steps = round(1000 * (to_s - from_s))
         for k in range(1, steps + 1):
             for i, (start, end) in enumerate(zip(a, b)):
                 value = start + (end - start) * k / steps
-                poses.append(math.radians(value) if i % 4 == 1 else value)
+                poses.append(math.radians(value) if i % NUMBERS == 1 else value)
     return poses
 
 
 def moved(*rows):
     """Without balloons and sheaths."""
-    return [(time_s, *(value for hub in range(0, len(hubs), 2) for value in (*hubs[hub:hub + 2], 0, 0))) for time_s, *hubs in rows]
+    return [(time_s, *(value for hub in range(0, len(hubs), 2) for value in (*hubs[hub:hub + 2], 0, 0, 0))) for time_s, *hubs in rows]
 
 
 ONE = moved((0, 0, 0), (1, 40, 180), (6, 420, 180), (8, 380, 540), (10, 470, 540))
 PAIR = moved((0, 0, 0, 0, 0), (4, 0, 0, 330, 90), (8, 260, 90, 330, 90), (10, 300, 200, 280, 0))
-BALLOON = [(0, 0, 0, 0, 0), (5, 250, 90, 0, 0), (7, 250, 90, 10, 0), (8, 250, 90, 10, 0), (9, 250, 90, 0, 0), (10, 150, 90, 0, 0)]
-SHEATH = [(0, 0, 0, 0, 0), (5, 250, 90, 0, 0), (9, 250, 90, 0, 42.4), (10, 150, 90, 0, 42.4)]
+BALLOON = [(0, 0, 0, 0, 0, 0), (5, 250, 90, 0, 0, 0), (7, 250, 90, 10, 0, 0), (8, 250, 90, 10, 0, 0), (9, 250, 90, 0, 0, 0), (10, 150, 90, 0, 0, 0)]
+SHEATH = [(0, 0, 0, 0, 0, 0), (5, 250, 90, 0, 0, 0), (9, 250, 90, 0, 42.4, 0), (10, 150, 90, 0, 42.4, 0)]
 
 
 class Trainer(unittest.TestCase):

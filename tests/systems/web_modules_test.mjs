@@ -246,15 +246,17 @@ test("a marker absorbs by the chord through its wall", () => {
 
 /** As viewer/xraycast/serving/browser_message.cpp writes it. */
 function live_bytes(has_body = true) {
-  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 2 + 4 + 1 + 1 + 6) + 4 * (1 + 3 + 8) + 4 * 5 + 4 * (has_body ? 1 + 2 + 2 * 6 + 2 + 3 : 1)));
-  [4, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
+  const view = new DataView(new ArrayBuffer(4 + 4 * 6 + 4 * (4 + 2 + 4 + 9 + 1 + 1 + 6) + 4 * (1 + 3 + 8) + 4 * 5 + 4 * (has_body ? 1 + 2 + 2 * 6 + 2 + 3 : 1)));
+  [5, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
   let at = 4;
   const whole = (x) => view.setUint32((at += 4) - 4, x, true), real = (x) => view.setFloat32((at += 4) - 4, x, true);
   whole(9);
-  [1.5, 2, 3, 100, 45, 0.25, -2].forEach(real);
+  [1.5, 2, 3, 110, 0.25, 100, 45, 0.25, -2].forEach(real);
   whole(21);
   [12.5, 8, 6.5, 0].forEach(real);
-  [3, 1, 2].forEach(whole);
+  [3, 4, 1].forEach(whole);
+  [10, 300, 298, 100, 120, 80, 93].forEach(real);
+  [1, 2].forEach(whole);
   [1, 2, 3, 4, 5, 6].forEach(real);
   [1, 1].forEach(whole); // devices
   real(0);
@@ -278,8 +280,9 @@ function live_bytes(has_body = true) {
 
 test("a live message is read as it is written", () => {
   assert.deepEqual(message_of(live_bytes()), {
-    exposes: true, injects: false, is_valve_locked: true, has_outlet: false, held_hub: 0, exposures: 9, time_s: 1.5, fluoroscopy_s: 2, injected_ml: 3,
-    instruments: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, tip_branch: 21, tip_along_mm: 12.5, inflation_bar: 8, balloon_mm: 6.5, release_mm: 0, free_rings: 3, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
+    exposes: true, injects: false, is_valve_locked: true, has_outlet: false, held_hub: 0, exposures: 9, time_s: 1.5, fluoroscopy_s: 2, injected_ml: 3, aortic_mmHg: 110, packing: 0.25,
+    instruments: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, tip_branch: 21, tip_along_mm: 12.5, inflation_bar: 8, balloon_mm: 6.5, release_mm: 0, free_rings: 3, detach: 4,
+      coil: { can_be_detached: true, is_outside: false, loop_mm: 10, length_mm: 300, laid_mm: 298 }, pressure: { now_mmHg: 100, systolic_mmHg: 120, diastolic_mmHg: 80, mean_mmHg: 93 }, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
     devices: [{ matter: 1, inner_radius_mm: 0, points: [[1, 2, 3, 0.5], [4, 5, 6, 0.25]] }],
     filled: [{ drum: 7, mg_ml: 350, ends_mm: [2, 2.5], moved_mm: [1, 2, 3] }],
     body: {
@@ -291,7 +294,7 @@ test("a live message is read as it is written", () => {
   assert.deepEqual([still.body, still.filled], [null, [{ drum: 7, mg_ml: 350, ends_mm: [2, 2.5] }]]);
   for (let size = 0; size < live_bytes().byteLength; ++size) assert.throws(() => message_of(live_bytes().slice(0, size)), `${size}`);
   const huge = live_bytes();
-  new DataView(huge).setUint32(60, 0xffffffff, true); // parts
+  new DataView(huge).setUint32(104, 0xffffffff, true); // parts
   assert.throws(() => message_of(huge), /too short/);
   const other = live_bytes();
   new DataView(other).setUint8(0, 1);
@@ -321,7 +324,7 @@ test("a line is at the phase of a gate, which another mode does not have", () =>
 });
 
 test("a run is recorded as a script", () => {
-  const recording = new Recording(2), at = (time_s, ...poses) => ({ time_s, instruments: poses.map(([insertion_mm, rotation_deg]) => ({ insertion_mm, rotation_deg, inflation_bar: 0, release_mm: 0 })) });
+  const recording = new Recording(2), at = (time_s, ...poses) => ({ time_s, instruments: poses.map(([insertion_mm, rotation_deg]) => ({ insertion_mm, rotation_deg, inflation_bar: 0, release_mm: 0, detach: 0 })) });
   for (const [k, mm] of [0, 0, 0, 0, 2, 3, 3, 3, 3, 5].entries()) recording.add(at(7 + 0.1 * k, [mm, -1], [0, 0]));
   recording.add(at(7.2, [4, 0], [0, 0])); // late
   const [names, ...rows] = recording.csv().trim().split("\n");
@@ -331,17 +334,21 @@ test("a run is recorded as a script", () => {
   assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n");
 });
 
-test("balloons and sheaths are recorded where they are used", () => {
-  const recording = new Recording(2), hub = (insertion_mm, inflation_bar, release_mm) => ({ insertion_mm, rotation_deg: 0, inflation_bar, release_mm });
+test("balloons, sheaths and coils are recorded where they are used", () => {
+  const recording = new Recording(2), hub = (insertion_mm, inflation_bar, release_mm, detach = 0) => ({ insertion_mm, rotation_deg: 0, inflation_bar, release_mm, detach });
   recording.add({ time_s: 1, instruments: [hub(5, 0, 0), hub(9, 0, 0)] });
   recording.add({ time_s: 2, instruments: [hub(5, 0, 0), hub(9, 6.5, 0)] });
   assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg,inflation_2_bar\n0.0000,5,0,9,0,0\n1.0000,5,0,9,0,6.5\n");
+  recording.clear();
+  recording.add({ time_s: 3, instruments: [hub(5, 0, 0), hub(9, 0, 0, 2)] });
+  recording.add({ time_s: 4, instruments: [hub(5, 0, 0), hub(9, 0, 0, 3)] });
+  assert.equal(recording.csv(), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg,detach_2\n0.0000,5,0,9,0,0\n1.0000,5,0,9,0,1\n");
 });
 
 test("steps are recorded to the last digit", () => {
   const recording = new Recording(1);
-  recording.add_steps(Float64Array.of(0.001, 0, 0, 0, 0, 0.002, 0, 0, 0, 0, 0.003, 0, 0, 0, 0));
-  recording.add_steps(Float64Array.of(0.004, 1 / 3, Math.PI / 7, 0, 0, 0.005, 2 / 3, Math.PI / 7, 0, 0));
+  recording.add_steps(Float64Array.of(0.001, 0, 0, 0, 0, 0, 0.002, 0, 0, 0, 0, 0, 0.003, 0, 0, 0, 0, 0));
+  recording.add_steps(Float64Array.of(0.004, 1 / 3, Math.PI / 7, 0, 0, 0, 0.005, 2 / 3, Math.PI / 7, 0, 0, 0));
   assert.equal(recording.csv(), `time_s,insertion_mm,rotation_deg\n0.0000,0,0\n0.0020,0,0\n0.0030,${1 / 3},${((Math.PI / 7) * 180) / Math.PI}\n0.0040,${2 / 3},${((Math.PI / 7) * 180) / Math.PI}\n`);
 });
 

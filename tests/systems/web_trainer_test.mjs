@@ -12,6 +12,19 @@ import { PNG, file, program, remove_folder, run, wait } from "./web_folder.mjs";
 const { XRAYCAST_WEB: web } = process.env;
 const { buildSync } = require_of_web("esbuild");
 
+/** A vessel that forks around an aneurysm of 10 mm straight ahead. */
+function forked_tree() {
+  const line = (end, radius_mm, from = [0, 0, 100]) => Array.from({ length: 41 }, (_, i) => [...end.map((x, k) => from[k] + ((x - from[k]) * i) / 40), radius_mm]);
+  const to_centre_mm = 2 + Math.sqrt(18.75);
+  const sac = Array.from({ length: 37 }, (_, i) => [0, 0, 100 + (to_centre_mm * i) / 24, Math.max(1, 5 - Math.abs((to_centre_mm * i) / 24 - to_centre_mm))]);
+  return {
+    branches: [
+      { id: 0, parent: -1, name: "basilar artery", points: line([0, 0, 100], 2, [0, 0, 0]) }, { id: 1, parent: 0, name: "right artery", points: line([40, 0, 110], 1.5) },
+      { id: 2, parent: 0, name: "left artery", points: line([-40, 0, 110], 1.5) }, { id: 3, parent: 0, name: "aneurysm", points: sac },
+    ],
+  };
+}
+
 before(async () => {
   run("phantom", "thorax", "--size", "96x96x120", "-o", file("thorax.nrrd"), "--truth", file("truth"));
   run("cast", file("thorax.nrrd"), "-o", file("map.exr"), "--layers", 4);
@@ -21,6 +34,9 @@ before(async () => {
   run(...live, "--device-model", "cobra-5f", "--device-model", "guidewire-035-j", "-o", file("pair.html"));
   run(...live, "--device-model", "stent-6x18", "--dose", "cine", "-o", file("stent.html"));
   run(...live, "--device-model", "stent-self-8x40", "-o", file("self.html"));
+  writeFileSync(file("forked.json"), JSON.stringify(forked_tree()));
+  run("vessels", file("forked.json"), "-o", file("forked"));
+  run("export", file("map.exr"), "--vessels", file("forked"), "--live", "--entry", "basilar artery", "--device-model", "microcatheter-24f", "--device-model", "coil-6x20", "-o", file("coil.html"));
   writeFileSync(file("task.json"), JSON.stringify({
     title: "Up the aorta", task: "Push the Cobra up the aorta.", instruments: ["cobra-5f"], devices: ["pigtail-5f"],
     targets: [{ name: "in the iliac artery", vessel: "left common iliac artery", depth_mm: 20 }, { name: "higher up", vessel: "aorta", depth_mm: 20 }], limits: { time_s: 600, fluoroscopy_s: 600 },
@@ -273,6 +289,38 @@ browser_test("a sheath is drawn back from all of its stent", async () => {
   await reads(page, "#live-readout", /16 of 16 rings/);
   await page.keyboard.press("Home"); // it does not go back
   assert.ok(await page.$eval("#sheath-mm", (slider) => Number(slider.value) > 42));
+  await close(opened);
+});
+
+browser_test("a coil is pushed into an aneurysm and detached there", async () => {
+  const opened = await steer("coil.html", { first: keep_files }), { page } = opened;
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 106);
+  await page.keyboard.up("ArrowUp");
+  await page.keyboard.press("Tab");
+  await reads(page, "#live-readout", /^coil-6x20.*coil of 6 by 200 mm: 0 mm in the aneurysm/);
+  assert.equal(await page.$eval("#detach", (button) => button.getAttribute("aria-disabled")), "true");
+  await page.click("#detach"); // in vain
+  await page.focus("#stage");
+  await page.keyboard.down("x");
+  await page.keyboard.down("ArrowUp");
+  await reads(page, "#live-readout", /200 mm in the aneurysm, packing density 3\.\d %/);
+  await page.keyboard.up("ArrowUp");
+  await page.waitForFunction(() => document.querySelector("#detach").getAttribute("aria-disabled") === "false");
+  await page.keyboard.up("x");
+  await screenshot(page, "trainer-coil.png");
+  await page.click("#detach");
+  await reads(page, "#live-readout", /no coil: draw the wire back to 0 for the next one, packing density 3\.\d %/);
+  assert.match(await page.$eval("#pressure-chart", (chart) => chart.getAttribute("aria-label")), /tip of the coil-6x20: 1[0-4]\d\/[67]\d mmHg, mean \d\d/);
+  await page.click("#report summary");
+  await reads(page, "#report-table", /aneurysm: coil-6x20.*packing density3\.\d %/);
+  await page.click("#save-run");
+  const csv = await page.evaluate(() => globalThis.saved[0].text());
+  writeFileSync(file("coil.csv"), csv);
+  assert.match(csv, /^time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg,detach_2\n/);
+  run("simulate", file("forked"), "--entry", "basilar artery", "--device-model", "microcatheter-24f", "--device-model", "coil-6x20", "--script", file("coil.csv"), "--report", file("coil.json"), "-o", file("coil-loads.csv"));
+  const [again] = JSON.parse(readFileSync(file("coil.json"), "utf8")).treatments;
+  assert.ok(again.to_s > 0 && Math.abs(again.packing_percent - 3.9) < 0.2, JSON.stringify(again));
   await close(opened);
 });
 

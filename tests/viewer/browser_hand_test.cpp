@@ -127,6 +127,8 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
   BrowserMessage message{.time_s = 1.5,
                          .fluoroscopy_s = 2.5,
                          .injected_ml = 3.5,
+                         .aortic_mmHg = 110,
+                         .packing = 0.25,
                          .exposes = true,
                          .is_valve_locked = true,
                          .held_hub = 1,
@@ -136,16 +138,19 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
                                       .inner_radius_mm = 0.125}},
                          .drums_mg_ml = {0, 350, 0, 12.5f},
                          .drums_mm = {{1, 1}, {2, 2.5}, {1, 1}, {3, 3.5}}};
-  message.instruments.push_back({.pose = {100, std::numbers::pi, 8, 20},
+  const PushedCoil coil{.model = {.loop_mm = 10, .length_mm = 300}, .laid_mm = 300, .is_in_sac = true};
+  message.instruments.push_back({.pose = {100, std::numbers::pi, 8, 20, 2},
                                  .load = {0.5, 2e-3},
                                  .tip_branch = 21,
                                  .tip_along_mm = 12.5,
                                  .balloon_mm = 6,
                                  .free_rings = 3,
+                                 .coil = coil,
+                                 .pressure = {100, 120, 80, 93},
                                  .parts_mm = {{{1, 2, 3}, {4, 5, 6}}}});
   message.instruments.push_back({.pose = {}, .load = {}, .parts_mm = {{}, {{7, 8, 9}}}});
   const std::string bytes = packed(message);
-  EXPECT_EQ(bytes.substr(0, 4), std::string("\4\15\1\2", 4));
+  EXPECT_EQ(bytes.substr(0, 4), std::string("\5\15\1\2", 4));
   EXPECT_EQ(value_at<std::uint32_t>(bytes, 4), 7u);
   std::vector<float> rest;
   for (std::size_t at = 8; at < bytes.size(); at += 4) rest.push_back(value_at<float>(bytes, at));
@@ -155,13 +160,15 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
     return as_real;
   };
   const std::vector<float> wanted{
-      1.5f,     2.5f,     3.5f,     100,      180,      0.5f,     2,     whole(21), 12.5f, 8,        6,
-      20,       whole(3), whole(1), whole(2), 1,        2,        3,     4,         5,     6,  //
-      0,        0,        0,        0,        whole(0), 0,        0,     0,         0,     whole(0), whole(2),
-      whole(0), whole(1), 7,        8,        9,  //
-      whole(1), whole(2), 0.125f,   whole(2), 1,        2,        3,     0.5f,      4,     5,        6,
+      1.5f,     2.5f,     3.5f,     110,      0.25f,    100,      180,   0.5f, 2,        whole(21), 12.5f,
+      8,        6,        20,       whole(3), whole(2), whole(1), 10,    300,  300,      100,       120,
+      80,       93,       whole(1), whole(2), 1,        2,        3,     4,    5,        6,  //
+      0,        0,        0,        0,        whole(0), 0,        0,     0,    0,        whole(0),  whole(0),
+      whole(0), 0,        0,        0,        0,        0,        0,     0,    whole(2), whole(0),  whole(1),
+      7,        8,        9,  //
+      whole(1), whole(2), 0.125f,   whole(2), 1,        2,        3,     0.5f, 4,        5,         6,
       0.25f,  //
-      whole(2), whole(1), 350,      2,        2.5f,     whole(3), 12.5f, 3,         3.5f,  whole(0)};
+      whole(2), whole(1), 350,      2,        2.5f,     whole(3), 12.5f, 3,    3.5f,     whole(0)};
   EXPECT_EQ(rest, wanted);
 
   message.instruments.clear();
@@ -174,7 +181,7 @@ TEST(BrowserMessage, HasItsFieldsInOrder) {
   message.drums_moved_mm = {{0, 0, 0}, {1, 2, 3}, {0, 0, 0}, {4, 5, 6}};
   const std::string moving = packed(message);
   std::vector<float> body;
-  for (std::size_t at = 20 + 4 * 10; at < moving.size(); at += 4) body.push_back(value_at<float>(moving, at));
+  for (std::size_t at = 28 + 4 * 10; at < moving.size(); at += 4) body.push_back(value_at<float>(moving, at));
   const std::vector<float> told{whole(2), 20,       2,    whole(1), 0.25f,    0,      whole(2), 0.5f,
                                 0.75f,    whole(2), 0.5f, 0.75f,    whole(2), 0.125f, 1,        whole(1),
                                 19.5f,    1,        2,    3,        4,        5,      6};
@@ -185,6 +192,7 @@ TEST(BrowserHand, FillsBalloonsAndDrawsSheathsOnce) {
   BrowserHand hand(0);
   ASSERT_TRUE(hand.receive(R"({"balloon": {"instrument": 1, "bar": 8}})", kStart));
   ASSERT_TRUE(hand.receive(R"({"sheath": {"instrument": 0, "mm": 20}})", kStart));
+  ASSERT_TRUE(hand.receive(R"({"detach": {"instrument": 2}})", kStart));
   ASSERT_TRUE(hand.receive(R"({"particles": {"mm": 0.5}})", kStart));
   ASSERT_TRUE(hand.receive(R"({})", kStart));
   ASSERT_TRUE(hand.receive(R"({"push": 1})", kStart));
@@ -195,6 +203,8 @@ TEST(BrowserHand, FillsBalloonsAndDrawsSheathsOnce) {
   ASSERT_TRUE(told.particles);
   EXPECT_EQ(told.particles->diameter_mm, 0.5);
   EXPECT_FALSE(again.particles);
+  EXPECT_TRUE(told.detaches[2]);
+  EXPECT_FALSE(told.detaches[0] || again.detaches[2]);
   EXPECT_FALSE(again.balloons_bar[1] || again.sheaths_mm[0]);
   for (const char* text :
        {R"({"balloon": 8})", R"({"balloon": {}})", R"({"balloon": {"instrument": 1}})",
@@ -202,7 +212,8 @@ TEST(BrowserHand, FillsBalloonsAndDrawsSheathsOnce) {
         R"({"balloon": {"instrument": 0.5, "bar": 8}})", R"({"balloon": {"instrument": 0, "bar": -1}})",
         R"({"balloon": {"instrument": 0, "bar": "8"}})", R"({"sheath": {"instrument": 0, "mm": 1e9}})",
         R"({"particles": {"mm": 0.05}})", R"({"particles": {"mm": 2}})", R"({"particles": 0.5})",
-        R"({"particles": {}})"})
+        R"({"particles": {}})", R"({"detach": true})", R"({"detach": {}})",
+        R"({"detach": {"instrument": 3}})"})
     EXPECT_FALSE(hand.receive(text, kStart)) << text;
 }
 

@@ -106,7 +106,7 @@ TEST(Trainer, IsInABodyThatMovesWhereItsInstrumentsAre) {
   options.phases = {0, 0};
   Instruments instruments(*setup.tree, setup.instruments(), setup.entry, options);
   BodyClock clock(*options.motion);
-  for (std::size_t at = 0; at < steps.size(); at += 5) {
+  for (std::size_t at = 0; at < steps.size(); at += 1 + kPoseNumbers) {
     clock.advance(1e-3);
     instruments.step(std::vector<HubPose>{{steps[at + 1], steps[at + 2]}}, clock.phases());
   }

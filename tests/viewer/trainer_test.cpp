@@ -1,6 +1,7 @@
 // What a page that steers by itself runs in its worker.
 #include "xraycast/trainer/trainer.hpp"
 
+#include "support/basilar_tip.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/simulation/run.hpp"
@@ -8,6 +9,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cstring>
 #include <numbers>
@@ -45,8 +47,8 @@ Head head_of(const std::string& message) {
 }
 
 TEST(TrainerSetup, HasAllNumbersThatAreSimulated) {
-  const TrainerSetup setup =
-      setup_with({"cobra-5f", "pigtail-5f", "guidewire-035-j", "stent-6x18", "stent-self-8x40"}, {0, 2});
+  const TrainerSetup setup = setup_with(
+      {"cobra-5f", "pigtail-5f", "guidewire-035-j", "stent-6x18", "stent-self-8x40", "coils-10mm"}, {0, 2});
   const std::vector<double> numbers = packed(setup);
   const TrainerSetup again = trainer_setup_of(numbers);
   EXPECT_EQ(packed(again), numbers);
@@ -55,6 +57,9 @@ TEST(TrainerSetup, HasAllNumbersThatAreSimulated) {
   EXPECT_EQ(again.choices[1].rest_turn_rad(0, 60), setup.choices[1].rest_turn_rad(0, 60));
   EXPECT_EQ(again.choices[3].balloon_radius_mm(7.5), setup.choices[3].balloon_radius_mm(7.5));
   EXPECT_EQ(again.choices[3].stent()->length_at_mm(5), setup.choices[3].stent()->length_at_mm(5));
+  EXPECT_EQ(again.choices[5].coils(), setup.choices[5].coils());
+  EXPECT_EQ(again.tree->branches()[3].name, setup.tree->branches()[3].name);
+  EXPECT_FALSE(again.tree->branches()[3].name.empty()) << "by which the blood knows it";
   EXPECT_EQ(again.choices[4].max_release_mm(), setup.choices[4].max_release_mm());
   EXPECT_EQ(again.choices[4].stent()->outward_N_mm(6), setup.choices[4].stent()->outward_N_mm(6));
 }
@@ -193,11 +198,13 @@ TEST(Trainer, HasStepsThatARunRepeats) {
     trainer.hold(hand);
     trainer.advance(steps);
     const std::vector<double> taken = trainer.take_steps();
-    ASSERT_EQ(taken.size(), 9 * static_cast<std::size_t>(steps));
-    for (std::size_t at = 0; at < taken.size(); at += 9)
-      csv += fmt::format("{:.3f},{},{},{},{}\n", taken[at], taken[at + 1],
-                         taken[at + 2] * 180 / std::numbers::pi, taken[at + 5],
-                         taken[at + 6] * 180 / std::numbers::pi);
+    constexpr std::size_t kNumbers = 1 + 2 * kPoseNumbers;
+    ASSERT_EQ(taken.size(), kNumbers * static_cast<std::size_t>(steps));
+    for (std::size_t at = 0; at < taken.size(); at += kNumbers) {
+      const double *outer = &taken[at + 1], *inner = outer + kPoseNumbers;
+      csv += fmt::format("{:.3f},{},{},{},{}\n", taken[at], outer[0], outer[1] * 180 / std::numbers::pi,
+                         inner[0], inner[1] * 180 / std::numbers::pi);
+    }
   };
   go({.push = 1, .turn = 0.5}, 2000);
   trainer.hold_next_hub();
@@ -210,7 +217,7 @@ TEST(Trainer, HasStepsThatARunRepeats) {
                            .script = Script::parse(csv, "steps", 2)};
   std::optional<RunMonitor> repeated;
   Progress progress;
-  run(request, progress, [&](const Instruments& moved, double) {
+  run(request, progress, [&](const Instruments& moved, double, const InstrumentPressures&) {
     if (repeated)
       repeated->add(moved);
     else
@@ -259,12 +266,67 @@ TEST(Trainer, TreatsAsItsStepsRepeated) {
 
   Instruments again(*setup.tree, setup.instruments(), setup.entry);
   const std::vector<double> steps = trainer.take_steps();
-  for (std::size_t at = 0; at < steps.size(); at += 5)
-    again.step(std::vector<HubPose>{{steps[at + 1], steps[at + 2], steps[at + 3], steps[at + 4]}});
+  for (std::size_t at = 1; at < steps.size(); at += 1 + kPoseNumbers)
+    again.step(std::vector<HubPose>{pose_of(std::span(steps).subspan(at).first<kPoseNumbers>())});
   const Treatment& repeated = again.treatments().list().at(0);
   EXPECT_EQ(repeated.least_after_mm, done[0].least_after_mm);
   EXPECT_EQ(repeated.stent_mm, done[0].stent_mm);
   EXPECT_EQ(again.tip(0).position_mm, trainer.instruments().tip(0).position_mm);
+}
+
+TEST(Trainer, DetachesACoilInAnAneurysm) {
+  const auto tree = std::make_shared<const VesselTree>(test::basilar_tip());
+  TrainerSetup setup{
+      .tree = tree, .choices = instruments_named({"microcatheter-24f", "coil-10x30"}), .used = {0, 1}};
+  setup.entry = find_entry(*tree, {}, setup.choices.front());
+  Trainer trainer(setup);
+  constexpr double kIn_mm = 106, kCoil_mm = 300, kStep_mm = 0.2;  // its tip is in the sac
+  HubPose catheter, wire;
+  trainer.detach(1);  // none of it is out: refused
+  while (catheter.insertion_mm < kIn_mm) {
+    catheter.insertion_mm += kStep_mm;
+    trainer.follow(std::vector{catheter, wire});
+  }
+  while (wire.insertion_mm < kIn_mm + kCoil_mm) {
+    wire.insertion_mm += kStep_mm;
+    trainer.follow(std::vector{catheter, wire});
+  }
+  const CoilPusher& pusher = trainer.instruments().coil_pusher(1);
+  EXPECT_EQ(pusher.detached, 0);
+  trainer.detach(0);  // has none
+  trainer.detach(1);
+  trainer.advance(20);
+  EXPECT_EQ(pusher.detached, 1);
+  EXPECT_FALSE(trainer.instruments().pushed_coil(1));
+  const auto report = nlohmann::json::parse(trainer.monitor().json(false));
+  ASSERT_EQ(report["treatments"].size(), 1u);
+  EXPECT_NEAR(report["treatments"][0]["packing_percent"],
+              100 * trainer.instruments().coil_packs()[0].packing(), 1e-9);
+  EXPECT_GT(trainer.instruments().coil_packs()[0].packing(), 0.03);
+  // The hubs' way tells of it, as a script that repeats it has to.
+  const std::vector<double> steps = trainer.take_steps();
+  EXPECT_EQ(steps.back(), wire.detach + 1);
+}
+
+TEST(Trainer, TellsThePressureAtTheTip) {
+  Trainer trainer(setup_with({"cobra-5f"}, {0}));
+  for (int i = 0; i < 60; ++i) {
+    trainer.advance(33);
+    trainer.message();
+  }
+  const auto series = nlohmann::json::parse(trainer.monitor().json(true))["series"];
+  EXPECT_EQ(series["time_s"].size(), 0u) << "nothing has moved";
+  trainer.hold({.push = 1});
+  for (int i = 0; i < 60; ++i) {
+    trainer.advance(33);
+    trainer.message();
+  }
+  trainer.advance(1);
+  const auto told = nlohmann::json::parse(trainer.monitor().json(true))["series"]["instruments"][0];
+  ASSERT_GT(told["pressure_mmHg"].size(), 5u);
+  ASSERT_EQ(told["pressure_mmHg"].size(), told["force_N"].size());
+  // In an iliac artery, of a mean of 93 mmHg in the aorta.
+  for (const double mmHg : told["pressure_mmHg"]) EXPECT_NEAR(mmHg, 91, 4);
 }
 
 TEST(Trainer, EmbolisesByParticlesInTheAgent) {

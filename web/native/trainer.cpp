@@ -72,6 +72,7 @@ EMSCRIPTEN_KEEPALIVE void trainer_inflate(std::size_t instrument, double bar) {
 EMSCRIPTEN_KEEPALIVE void trainer_draw_sheath(std::size_t instrument, double mm) {
   trainer->draw_sheath(instrument, mm);
 }
+EMSCRIPTEN_KEEPALIVE void trainer_detach(std::size_t instrument) { trainer->detach(instrument); }
 EMSCRIPTEN_KEEPALIVE void trainer_particles(double mm) { trainer->mix_in({mm}); }
 EMSCRIPTEN_KEEPALIVE const char* trainer_exchange(std::size_t instrument, std::size_t choice) {
   return failure_of([&] { trainer->exchange(instrument, choice); });
@@ -84,8 +85,9 @@ EMSCRIPTEN_KEEPALIVE void trainer_advance(int steps) { trainer->advance(steps); 
 EMSCRIPTEN_KEEPALIVE void trainer_follow() {
   const xraycast::Instruments& instruments = trainer->instruments();
   std::vector<xraycast::HubPose> poses;
+  constexpr std::size_t kNumbers = xraycast::kPoseNumbers;
   for (std::size_t d = 0; d < instruments.count(); ++d)
-    poses.push_back({numbers[4 * d], numbers[4 * d + 1], numbers[4 * d + 2], numbers[4 * d + 3]});
+    poses.push_back(xraycast::pose_of(std::span(numbers).subspan(kNumbers * d).first<kNumbers>()));
   trainer->follow(poses);
   numbers.clear();
   for (std::size_t d = 0; d < instruments.count(); ++d) {

@@ -59,6 +59,7 @@ export interface InstrumentHeader {
   parts: { mu_per_mm: number; colour: Vec3; inner_radius_mm: number }[]; // 0: a tube
   balloon_bar?: number; // what its balloon bears
   sheath?: { mm: number; rings: number }; // how far that of its stent is drawn back, and of how many rings that is
+  coils?: number; // that its wire pushes, one after the other
 }
 
 /** Of what balloons and stents consist. */

@@ -21,6 +21,7 @@ import type { Picture } from "./picture";
 import type { Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
 import { Loads, LoadChart } from "./load_chart";
+import { PressureChart, PressureReading, Pressures } from "./pressure_chart";
 import { Treating, state_of } from "./treating";
 import { TrainerLink, TrainerWorker } from "./trainer";
 
@@ -30,22 +31,28 @@ const kAlive_ms = 250; // between messages of the page that steers, also while n
 const kReadout_ms = 200;
 const kKept_s = 10; // of loads
 
-/** The loads of the last seconds, of each hub. */
+const kNoPressure: PressureReading = { now_mmHg: 0, systolic_mmHg: 0, diastolic_mmHg: 0, mean_mmHg: 0 };
+
+/** The loads of the last seconds, of each hub, and the pressures of the blood. */
 export class LastLoads {
   private readonly times_s: number[] = [];
-  private readonly loads: { force_N: number[]; torque_mNm: number[] }[];
+  private readonly aortic_mmHg: number[] = [];
+  private readonly loads: { force_N: number[]; torque_mNm: number[]; tip_mmHg: number[]; reading: PressureReading }[];
   constructor(private readonly names: readonly string[]) {
-    this.loads = names.map(() => ({ force_N: [], torque_mNm: [] }));
+    this.loads = names.map(() => ({ force_N: [], torque_mNm: [], tip_mmHg: [], reading: kNoPressure }));
   }
 
-  add({ time_s, instruments }: Pick<LiveMessage, "time_s" | "instruments">): void {
+  add({ time_s, instruments, aortic_mmHg }: Pick<LiveMessage, "time_s" | "instruments" | "aortic_mmHg">): void {
     const last_s = this.times_s[this.times_s.length - 1] ?? -Infinity;
     if (time_s < last_s) this.clear(); // another run
     if (time_s === last_s) return;
     this.times_s.push(time_s);
-    this.loads.forEach(({ force_N, torque_mNm }, d) => {
-      force_N.push(instruments[d]?.force_N ?? 0);
-      torque_mNm.push(instruments[d]?.torque_mNm ?? 0);
+    this.aortic_mmHg.push(aortic_mmHg);
+    this.loads.forEach((of_hub, d) => {
+      of_hub.force_N.push(instruments[d]?.force_N ?? 0);
+      of_hub.torque_mNm.push(instruments[d]?.torque_mNm ?? 0);
+      of_hub.reading = instruments[d]?.pressure ?? kNoPressure;
+      of_hub.tip_mmHg.push(of_hub.reading.now_mmHg);
     });
     while (this.times_s[0]! < time_s - kKept_s) this.drop_first();
   }
@@ -55,12 +62,12 @@ export class LastLoads {
     return { instrument: this.names[hub]!, force_N, torque_mNm, now, length_s: now > 0 ? times_s[now]! - times_s[0]! : 0 };
   }
 
+  pressures(hub: number): Pressures {
+    return { instrument: this.names[hub]!, aortic_mmHg: this.aortic_mmHg, ...this.loads[hub]! };
+  }
+
   private drop_first(): void {
-    this.times_s.shift();
-    for (const { force_N, torque_mNm } of this.loads) {
-      force_N.shift();
-      torque_mNm.shift();
-    }
+    for (const values of [this.times_s, this.aortic_mmHg, ...this.loads.flatMap(({ force_N, torque_mNm, tip_mmHg }) => [force_N, torque_mNm, tip_mmHg])]) values.shift();
   }
 
   private clear(): void {
@@ -79,6 +86,7 @@ function matching_of(modes: readonly ModeHeader[]): MaskMatching | null {
 
 export class LiveView {
   private readonly chart: LoadChart;
+  private readonly pressure: PressureChart;
   private readonly particles = element<HTMLSelectElement>("particles");
   private readonly body: BodyControls | null;
   private readonly loads: LastLoads;
@@ -107,6 +115,7 @@ export class LiveView {
     this.recording = new Recording(names.length);
     this.loads = new LastLoads(names);
     this.chart = new LoadChart(names, (hub) => this.loads.of(hub));
+    this.pressure = new PressureChart(() => this.loads.pressures(this.chart.hub));
     this.drums = trainer && motion?.lattice ? new MovingDrums(live.contrast, motion.lattice) : null;
     this.body = live.modes?.length ? new BodyControls(live.modes, (body) => this.send({ body })) : null;
     if (this.body) addEventListener("keydown", (event) => this.press(event, this.body!), { capture: true });
@@ -236,6 +245,7 @@ export class LiveView {
     }
     document.documentElement.dataset.exposures = String(message.exposures);
     this.chart.draw();
+    this.pressure.draw();
     this.body?.draw();
     const now_ms = performance.now();
     if (now_ms - this.shown_ms < kReadout_ms) return;
@@ -272,10 +282,11 @@ export class LiveView {
     if (this.live.has_hub && held_hub !== this.held_hub) this.chart.choose(held_hub);
     this.held_hub = held_hub;
     this.chart.show();
+    this.pressure.show();
     this.exchange?.show(held_hub);
     const header = this.live.instruments[held_hub];
     if (held && header) this.treating?.show(held_hub, header, held);
-    const treating = held && header ? state_of(header, held) : null;
+    const treating = held && header ? state_of(header, held, message.packing) : null;
     element("live-readout").textContent = [
       `${this.live.instruments[held_hub]?.name ?? ""} ${fixed(held?.insertion_mm ?? 0, 0)} mm, ${fixed(held?.rotation_deg ?? 0, 0)}°`,
       ...(held && held.insertion_mm > 0 ? [`tip in ${this.live.vessels[held.tip_branch] ?? "a vessel"}`] : []),
@@ -339,7 +350,7 @@ export class LiveView {
     this.send({ particles: { mm: Number(this.particles.value) } });
   }
 
-  private send(once: { [action in SteeringAction]?: boolean } & Partial<Record<"balloon" | "sheath" | "particles", object>> & { body?: BodyChange; exchange?: ExchangeOrder; shows_series?: boolean; save_report?: boolean } = {}): void {
+  private send(once: { [action in SteeringAction]?: boolean } & Partial<Record<"balloon" | "sheath" | "detach" | "particles", object>> & { body?: BodyChange; exchange?: ExchangeOrder; shows_series?: boolean; save_report?: boolean } = {}): void {
     if (!this.steering.steers || !this.connection) return;
     const { pose } = this.store.state, message: Record<string, unknown> = { ...this.steering.held, ...once };
     if (this.has_moved && !this.trainer) message.c_arm = { lao_deg: pose.lao_deg, cranial_deg: pose.cranial_deg, zoom: pose.zoom, table_mm: pose.table_mm };

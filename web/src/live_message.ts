@@ -1,4 +1,5 @@
 // What the server tells of a live session, once a frame (viewer/xraycast/trainer/browser_message.hpp).
+import type { PressureReading } from "./pressure_chart";
 import type { Vec3 } from "./vectors";
 
 export interface LiveInstrument {
@@ -12,8 +13,19 @@ export interface LiveInstrument {
   balloon_mm: number; // its diameter; 0 without a balloon
   release_mm: number; // how far its stent's sheath is drawn back
   free_rings: number; // of that stent
+  detach: number; // coils that were to be detached so far
+  coil: LiveCoil; // on its wire
+  pressure: PressureReading; // of the blood at its tip
   /** At the last exposure: the control points of each part's curve. */
   parts_mm: Vec3[][];
+}
+
+export interface LiveCoil {
+  can_be_detached: boolean; // all of it lies in a sac
+  is_outside: boolean; // and not before a sac
+  loop_mm: number;
+  length_mm: number; // 0: there is none
+  laid_mm: number; // of it, in the sac
 }
 
 export interface LiveMessage {
@@ -26,6 +38,8 @@ export interface LiveMessage {
   time_s: number;
   fluoroscopy_s: number;
   injected_ml: number;
+  aortic_mmHg: number;
+  packing: number; // density of the coils in the sac that is packed most densely
   instruments: LiveInstrument[]; // from the outermost on
   devices: DeviceTube[]; // at the last exposure: balloons and stents
   filled: FilledDrum[]; // with contrast agent
@@ -63,7 +77,7 @@ export interface LiveBody {
 
 export const kTraceStep_s = 0.005;
 
-const kFormat = 4, kIsHeld = 1, kIsGate = 2;
+const kFormat = 5, kIsHeld = 1, kIsGate = 2, kCanBeDetached = 1, kIsOutside = 2;
 
 /** Throws where the message is of another format, or too short. */
 export function message_of(bytes: ArrayBuffer): LiveMessage {
@@ -75,6 +89,10 @@ export function message_of(bytes: ArrayBuffer): LiveMessage {
   if (byte() !== kFormat) throw new Error("the server is of another version; open its page again");
   const flags = byte(), held_hub = byte(), instruments = byte();
   const point = (): Vec3 => [real(), real(), real()];
+  const coil = (): LiveCoil => {
+    const marks = whole();
+    return { can_be_detached: (marks & kCanBeDetached) !== 0, is_outside: (marks & kIsOutside) !== 0, loop_mm: real(), length_mm: real(), laid_mm: real() };
+  };
   const mode = (): LiveMode => {
     const marks = whole(), phase = real(), gate = real();
     return { is_held: (marks & kIsHeld) !== 0, gate: (marks & kIsGate) !== 0 ? gate : null, phase, trace: list(real) };
@@ -88,10 +106,11 @@ export function message_of(bytes: ArrayBuffer): LiveMessage {
   };
   const message = {
     exposes: (flags & 1) !== 0, injects: (flags & 2) !== 0, is_valve_locked: (flags & 4) !== 0, has_outlet: (flags & 8) !== 0, held_hub,
-    exposures: whole(), time_s: real(), fluoroscopy_s: real(), injected_ml: real(),
+    exposures: whole(), time_s: real(), fluoroscopy_s: real(), injected_ml: real(), aortic_mmHg: real(), packing: real(),
     instruments: Array.from({ length: instruments }, () => ({
       insertion_mm: real(), rotation_deg: real(), force_N: real(), torque_mNm: real(), tip_branch: whole(), tip_along_mm: real(),
-      inflation_bar: real(), balloon_mm: real(), release_mm: real(), free_rings: whole(), parts_mm: list(() => list(point)),
+      inflation_bar: real(), balloon_mm: real(), release_mm: real(), free_rings: whole(),
+      detach: whole(), coil: coil(), pressure: { now_mmHg: real(), systolic_mmHg: real(), diastolic_mmHg: real(), mean_mmHg: real() }, parts_mm: list(() => list(point)),
     })),
     devices: list((): DeviceTube => ({ matter: whole(), inner_radius_mm: real(), points: list(() => [real(), real(), real(), real()]) })),
     filled: list((): FilledDrum => ({ drum: whole(), mg_ml: real(), ends_mm: [real(), real()] })),

@@ -1,5 +1,6 @@
 // Force and torque at a hub over some time, as a chart with a mark at the present.
 import { fixed } from "./fixed";
+import { draw_strip } from "./strip_chart";
 
 /** Of one hub: values at even times, and which of them is of now. */
 export interface Loads {
@@ -24,27 +25,10 @@ export function loads_text(loads: Loads): string {
 }
 
 export function draw_loads(canvas: HTMLCanvasElement, loads: Loads): void {
-  const scale = devicePixelRatio, width = Math.round(canvas.clientWidth * scale), height = Math.round(canvas.clientHeight * scale);
-  if (width === 0 || height === 0) return;
-  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-  const context = canvas.getContext("2d")!, style = getComputedStyle(canvas);
-  context.clearRect(0, 0, width, height);
-  const last = Math.max(1, loads.force_N.length - 1), x_of = (i: number) => (i / last) * (width - 1);
-  context.font = `${11 * scale}px system-ui, sans-serif`;
-  kCurves.forEach(({ name, unit, colour }, k) => {
-    const values = values_of(loads, k), low = Math.min(0, ...values), high = Math.max(1e-3, ...values);
-    const y_of = (value: number) => height - 3 * scale - ((value - low) / (high - low)) * (height - 20 * scale);
-    context.strokeStyle = context.fillStyle = style.getPropertyValue(colour);
-    context.lineWidth = 1.5 * scale;
-    context.beginPath();
-    values.forEach((value, i) => context.lineTo(x_of(i), y_of(value)));
-    context.stroke();
-    context.textAlign = k === 0 ? "left" : "right";
-    const now = values[loads.now] ?? 0;
-    context.fillText(`${name} ${fixed(now, 2)} ${unit}`, k === 0 ? 4 * scale : width - 4 * scale, 12 * scale);
-  });
-  context.fillStyle = style.color;
-  context.fillRect(x_of(loads.now) - 0.5 * scale, 0, scale, height);
+  draw_strip(canvas, kCurves.map(({ name, unit, colour }, k) => {
+    const values = values_of(loads, k);
+    return { values, colour, low: Math.min(0, ...values), high: Math.max(1e-3, ...values), words: `${name} ${fixed(values[loads.now] ?? 0, 2)} ${unit}` };
+  }), loads.now);
 }
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;

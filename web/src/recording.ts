@@ -4,10 +4,10 @@ import type { LiveMessage } from "./live_message";
 const kMostRows = 600_000; // of ten minutes in motion at a step a millisecond; the first ones go
 const kDegrees = 180 / Math.PI;
 
-const kColumns = ["insertion_mm", "rotation_deg", "inflation_bar", "release_mm"] as const, kRotation = 1;
-const column_of = (column: number, hub: number): string => kColumns[column]!.replace("_", hub === 0 ? "_" : `_${hub + 1}_`);
+const kColumns = ["insertion_mm", "rotation_deg", "inflation_bar", "release_mm", "detach"] as const, kRotation = 1, kDetach = 4;
+const column_of = (column: number, hub: number): string => kColumns[column]!.replace(/_|$/, hub === 0 ? "$&" : `_${hub + 1}$&`);
 
-/** Rows of a time in s and, of each hub, an insertion in mm, a rotation in degrees, a balloon's pressure and how far a sheath is drawn back. */
+/** Rows of a time in s and, of each hub, an insertion in mm, a rotation in degrees, a balloon's pressure, how far a sheath is drawn back, and the coils that were to be detached. */
 export class Recording {
   private numbers: number[] = [];
 
@@ -19,7 +19,7 @@ export class Recording {
 
   /** Of a session whose server tells of some steps alone. */
   add({ time_s, instruments }: Pick<LiveMessage, "time_s" | "instruments">): void {
-    this.add_row([time_s, ...instruments.flatMap(({ insertion_mm, rotation_deg, inflation_bar, release_mm }) => [insertion_mm, rotation_deg, inflation_bar, release_mm])]);
+    this.add_row([time_s, ...instruments.flatMap(({ insertion_mm, rotation_deg, inflation_bar, release_mm, detach }) => [insertion_mm, rotation_deg, inflation_bar, release_mm, detach])]);
   }
 
   /** Of each step, with rotations in rad. */
@@ -32,10 +32,11 @@ export class Recording {
     this.numbers = [];
   }
 
-  /** Columns of balloons and sheaths only where they were used. */
+  /** Columns of balloons, sheaths and coils only where they were used; coils count from the first row on. */
   csv(): string {
     const { numbers, width } = this, from_s = numbers[0] ?? 0, rows: number[][] = [];
-    for (let at = 0; at < numbers.length; at += width) rows.push(numbers.slice(at, at + width));
+    const is_detach = (i: number) => i > 0 && (i - 1) % kColumns.length === kDetach;
+    for (let at = 0; at < numbers.length; at += width) rows.push(numbers.slice(at, at + width).map((value, i) => (is_detach(i) ? value - numbers[i]! : value)));
     const columns = Array.from({ length: width - 1 }, (_, i) => i + 1).filter((i) => (i - 1) % kColumns.length <= kRotation || rows.some((row) => row[i] !== 0));
     const names = columns.map((i) => column_of((i - 1) % kColumns.length, Math.floor((i - 1) / kColumns.length)));
     const lines = rows.map((row) => `${(row[0]! - from_s).toFixed(4)},${columns.map((i) => row[i]).join()}\n`);

@@ -30,7 +30,7 @@ const kOfTreatment = [
   figure("coil_mm", "coil in the sac", "mm"), figure("sac_mm3", "volume of the sac", "mm³"), figure("packing_percent", "packing density", "%", 1), figure("inflow_percent", "the sac's inflow, of that without coils", "%"),
   figure("particles", "particles"), figure("periphery_percent", "conductance left of the periphery", "%"),
 ];
-const kOverTime = [figure("insertion_mm", "insertion", "mm"), figure("force_N", "force at the hub", "N", 2), figure("wall_force_N", "force on the wall", "N", 2)];
+const kOverTime = [figure("insertion_mm", "insertion", "mm"), figure("force_N", "force at the hub", "N", 2), figure("wall_force_N", "force on the wall", "N", 2), figure("pressure_mmHg", "mean pressure at the tip", "mmHg")];
 
 type Figures = Record<string, number>;
 
@@ -72,7 +72,7 @@ export class Report {
     this.show();
     if (!report.series || !this.list.open) return;
     const { time_s, instruments } = report.series;
-    kOverTime.forEach(({ name }, k) => this.charts[k]!.draw(time_s, instruments.map((values, d) => ({ name: report.instruments[d]!.name, values: values[name]! }))));
+    kOverTime.forEach(({ name }, k) => this.charts[k]!.draw(time_s, instruments.map((values, d) => ({ name: report.instruments[d]!.name, values: values[name] ?? [] }))));
   }
 
   private show(): void {

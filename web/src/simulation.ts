@@ -17,6 +17,7 @@ interface Exports {
   trainer_exchange(instrument: number, choice: number): number;
   trainer_inflate(instrument: number, bar: number): void;
   trainer_draw_sheath(instrument: number, mm: number): void;
+  trainer_detach(instrument: number): void;
   trainer_particles(mm: number): void;
   trainer_advance(steps: number): void;
   trainer_follow(): void;
@@ -39,6 +40,9 @@ export interface Dose {
   air_kerma_mGy: number;
   dap_Gycm2: number;
 }
+
+/** Of a hub's pose; see `follow`. */
+export const kPoseNumbers = 5;
 
 export class Simulation {
   private constructor(private readonly calls: Exports) {}
@@ -88,6 +92,11 @@ export class Simulation {
     this.calls.trainer_draw_sheath(instrument, mm);
   }
 
+  /** The coil on its wire. */
+  detach(instrument: number): void {
+    this.calls.trainer_detach(instrument);
+  }
+
   /** Particles of this diameter, 0 for none, into the agent. */
   mix_in(mm: number): void {
     this.calls.trainer_particles(mm);
@@ -108,9 +117,9 @@ export class Simulation {
     this.calls.trainer_advance(steps);
   }
 
-  /** A step to a pose of each hub: an insertion in mm, a rotation in rad, a balloon's pressure in bar, a sheath drawn back in mm. Of each instrument: its tip's x, y, z in mm, force in N and torque in N m. */
+  /** A step to a pose of each hub: an insertion in mm, a rotation in rad, a balloon's pressure in bar, a sheath drawn back in mm, coils that were to be detached. Of each instrument: its tip's x, y, z in mm, force in N and torque in N m. */
   follow(poses: Float64Array): Float64Array {
-    const instruments = poses.length / 4;
+    const instruments = poses.length / kPoseNumbers;
     this.put(poses);
     this.calls.trainer_follow();
     const at = this.calls.room_for(5 * instruments);

@@ -23,6 +23,7 @@ export interface Order extends HandHolds {
   exchange?: { instrument: number; choice: number };
   balloon?: { instrument: number; bar: number };
   sheath?: { instrument: number; mm: number };
+  detach?: { instrument: number };
   particles?: { mm: number }; // in the agent from now on
   body?: BodyChange;
   shows_series?: boolean; // of reports from now on
@@ -107,6 +108,7 @@ function obey(order: Order): void {
   }
   if (order.balloon) simulation.inflate(order.balloon.instrument, order.balloon.bar);
   if (order.sheath) simulation.draw_sheath(order.sheath.instrument, order.sheath.mm);
+  if (order.detach) simulation.detach(order.detach.instrument);
   if (order.particles) simulation.mix_in(order.particles.mm);
   if (order.body) change_body(order.body);
   if (order.save_report) scope.postMessage({ saved: simulation.report(true) });

@@ -50,6 +50,7 @@ FlowCycle flow_cycle(const FlowRequest& request, Progress& progress) {
   TreeFlow flow(tree, request.blood);
   const CycleSteps steps(flow.heart());
   FlowCycle cycle;
+  cycle.heart_ml_s = flow.heart_ml_s();
   cycle.vessels.resize(tree.branches().size());
   progress.begin("blood flow", steps.count, "steps");
   for (int i = 0; i < steps.count; ++i) {
@@ -94,7 +95,7 @@ std::string to_csv(const FlowCycle& cycle, const VesselTree& tree) {
     const CycleFigures flow = figures_of(cycle.vessels[b].ml_s), pressure = figures_of(cycle.vessels[b].mmHg);
     csv +=
         fmt::format("{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}\n", b,
-                    tree.branches()[b].name, flow.mean, flow.least, flow.most, flow.mean / kHeartOutput_ml_s,
+                    tree.branches()[b].name, flow.mean, flow.least, flow.most, flow.mean / cycle.heart_ml_s,
                     pressure.mean, pressure.least, pressure.most, cycle.pressure_ratio(b));
   }
   return csv;

@@ -35,6 +35,7 @@ struct FlowCycle {
   };
   std::vector<double> time_s;       ///< since the ejection began
   std::vector<double> aortic_mmHg;  ///< before the root
+  double heart_ml_s = 0;            ///< the heart's output
   std::vector<Vessel> vessels;      ///< of every branch
 
   /// The mean pressure at a branch's end over the aorta's: at hyperaemia, the fractional flow reserve (Pijls

@@ -62,14 +62,18 @@ double root_flow_ml_s(const VesselTree& tree, const Blood& blood) {
   const VesselBranch& root = tree.branches()[static_cast<std::size_t>(tree.root())];
   constexpr double kMl_per_mm3 = 1e-3;
   const double share = rest_share(root.name);
-  const double radius_mm = root.points.front().radius_mm;
+  const double radius_mm = root.points.front().radius_mm, output_ml_s = heart_output_ml_s(blood);
   const double ml_s = share > 0
-                          ? share * kHeartOutput_ml_s
+                          ? share * output_ml_s
                           : kMl_per_mm3 * std::numbers::pi * radius_mm * radius_mm * blood.root_velocity_mm_s;
-  return std::min(ml_s, kHeartOutput_ml_s);
+  return std::min(ml_s, output_ml_s);
 }
 
 }  // namespace
+
+double heart_output_ml_s(const Blood& blood) {
+  return blood.heart ? blood.heart->mean_ml_s() : kHeartOutput_ml_s;
+}
 
 double rest_share(const std::string& name) {
   for (const NamedShare& known : kShares)
@@ -95,6 +99,7 @@ std::vector<int> parents_first(const VesselTree& tree) {
 
 RestFlow rest_flow(const VesselTree& tree, const Blood& blood) {
   const auto& branches = tree.branches();
+  const double output_ml_s = heart_output_ml_s(blood);
   RestFlow rest{std::vector<double>(branches.size()), std::vector<Coronary>(branches.size()),
                 outlets_of(tree)};
   const auto root = static_cast<std::size_t>(tree.root());
@@ -115,7 +120,7 @@ RestFlow rest_flow(const VesselTree& tree, const Blood& blood) {
     };
     double named_ml_s = 0, widths = 0, all_widths = 0;
     for (const int child : divides.children) {
-      named_ml_s += share_of(child) * kHeartOutput_ml_s;
+      named_ml_s += share_of(child) * output_ml_s;
       widths += share_of(child) > 0 ? 0 : width_of(child);
       all_widths += width_of(child);
     }
@@ -128,7 +133,7 @@ RestFlow rest_flow(const VesselTree& tree, const Blood& blood) {
       const auto c = static_cast<std::size_t>(child);
       const double share = share_of(child);
       if (share > 0)
-        rest.ml_s[c] = scale * share * kHeartOutput_ml_s;
+        rest.ml_s[c] = scale * share * output_ml_s;
       else if (width_of(child) > 0)
         rest.ml_s[c] = (flow_ml_s - scale * named_ml_s) * width_of(child) / widths;
       const Coronary own = coronary_of(branches[c].name);

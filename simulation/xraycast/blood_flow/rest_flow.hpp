@@ -8,9 +8,6 @@
 
 namespace xraycast {
 
-/// A heart's output at rest.
-inline constexpr double kHeartOutput_ml_s = 5000.0 / 60;
-
 /// The share of the heart's output that an artery has at rest, by its name; 0: not known, or it depends on
 /// where the artery is cut.
 ///

@@ -14,7 +14,8 @@ const Blood& checked(const Blood& blood) {
   return blood;
 }
 
-constexpr double kBodyResistance = (TreeFlow::kAortic_mmHg - TreeFlow::kVenous_mmHg) / kHeartOutput_ml_s;
+/// Of arterial pressure at rest over the flow of the heart.
+constexpr double kBody_mmHg = TreeFlow::kAortic_mmHg - TreeFlow::kVenous_mmHg;
 constexpr double kWindkessel_s = 0.79 * 1.75;
 /// Of the arterial compliance, such that the resistive index of a renal artery is 0.6 at rest (Tublin et al.,
 /// AJR 180:885, 2003).
@@ -49,11 +50,13 @@ void check(const Blood& blood) {
     if (!(factor >= kLeast && factor <= kMost))
       throw InputError("`{}` {:g}: outlets need a resistance of {:g} to {:g} of that at rest", name, factor,
                        kLeast, kMost);
+  if (blood.heart) check(*blood.heart, "`heart_waveform`");
 }
 
 TreeFlow::TreeFlow(const VesselTree& tree, const Blood& blood)
     : tree_(tree),
-      heart_(checked(blood).heart_rate_bpm),
+      heart_(checked(blood).heart ? Heartbeat(*blood.heart) : Heartbeat(blood.heart_rate_bpm)),
+      output_ml_s_(heart_output_ml_s(blood)),
       rest_(rest_flow(tree, blood)),
       sacs_(sacs_of(tree)),
       beds_(sacs_.size()),
@@ -69,12 +72,12 @@ TreeFlow::TreeFlow(const VesselTree& tree, const Blood& blood)
 }
 
 std::vector<FlowNode> TreeFlow::nodes_of(const Blood& blood) {
-  const double compliance = kWindkessel_s / kBodyResistance;
+  const double body_resistance = kBody_mmHg / output_ml_s_, compliance = kWindkessel_s / body_resistance;
   std::vector<FlowNode> nodes{{.compliance = (1 - kShareDownstream) * compliance}};
   const auto root = static_cast<std::size_t>(tree_.root());
   constexpr double kNone = 1e-9;
-  if (const double share = 1 - rest_.ml_s[root] / kHeartOutput_ml_s; share > kNone) {
-    const double resistance = kBodyResistance / share;
+  if (const double share = 1 - rest_.ml_s[root] / output_ml_s_; share > kNone) {
+    const double resistance = body_resistance / share;
     nodes.push_back({.parent = 0,
                      .resistance = kProximalShare * resistance,
                      .compliance = kShareDownstream * share * compliance});
@@ -111,8 +114,7 @@ void TreeFlow::add_outlet(std::vector<FlowNode>& nodes, std::size_t branch, doub
   const auto leaf = static_cast<int>(upper_[branch] + 1), first = static_cast<int>(nodes.size());
   const Coronary coronary = rest_.coronary[branch];
   if (coronary == Coronary::none) {
-    const double compliance =
-        kShareDownstream * kWindkessel_s / kBodyResistance * rest_.ml_s[branch] / kHeartOutput_ml_s;
+    const double compliance = kShareDownstream * kWindkessel_s * rest_.ml_s[branch] / kBody_mmHg;
     const double proximal = kProximalShare * resistance;
     nodes.push_back({.parent = leaf, .resistance = proximal, .compliance = compliance});
     nodes.push_back({.parent = first,
@@ -147,7 +149,7 @@ void TreeFlow::divide(std::size_t branch, double arc_length_mm) {
 
 /// What the heart does between two times: its flow's mean, and its walls' pressure at the end.
 void TreeFlow::beat(double begin_s, double end_s) {
-  network_.set_inflow(0, kHeartOutput_ml_s * heart_.mean_ejection(begin_s, end_s));
+  network_.set_inflow(0, output_ml_s_ * heart_.mean_ejection(begin_s, end_s));
   for (const Wall& wall : walls_) network_.set_outside(wall.node, wall.most_mmHg * heart_.contraction(end_s));
 }
 
@@ -160,7 +162,7 @@ void TreeFlow::begin() {
     network_.set_inflow(0, inflow_ml_s);
     network_.settle();
   };
-  settle(kHeartOutput_ml_s);
+  settle(output_ml_s_);
   for (std::size_t b = 0; b < upper_.size(); ++b) peak_ml_s_[b] = std::abs(end_ml_s(b));
   if (heart_.is_steady()) return;
   constexpr int kBeats = 4;
@@ -178,7 +180,7 @@ void TreeFlow::begin() {
     // The aorta goes to where it is at the end of diastole by the windkessel's time constant: begin there.
     const double left = std::exp(-heart_.period_s() / kWindkessel_s);
     const double diastolic_mmHg = rest_mmHg + (aortic_mmHg() - rest_mmHg) / (1 - left);
-    settle(kHeartOutput_ml_s * (diastolic_mmHg - kVenous_mmHg) / (rest_mmHg - kVenous_mmHg));
+    settle(output_ml_s_ * (diastolic_mmHg - kVenous_mmHg) / (rest_mmHg - kVenous_mmHg));
   }
 }
 

@@ -63,6 +63,7 @@ class TreeFlow {
 
   double time_s() const { return time_s_; }  ///< since a beat began
   const Heartbeat& heart() const { return heart_; }
+  double heart_ml_s() const { return output_ml_s_; }  ///< its mean
 
   /// An instrument in the lumen of a branch.
   struct Filling {
@@ -101,6 +102,7 @@ class TreeFlow {
 
   const VesselTree& tree_;
   Heartbeat heart_;
+  double output_ml_s_;  ///< the heart's
   RestFlow rest_;
   std::vector<AneurysmSac> sacs_;
   std::vector<CoilBed> beds_;  ///< of each sac

@@ -344,6 +344,25 @@ xrc_status xrc_inflate(xrc_simulation* simulation, size_t instrument, double bar
   });
 }
 
+xrc_status xrc_detach(xrc_simulation* simulation, size_t instrument) {
+  return status_of([&] {
+    const Instruments& instruments = with(simulation, instrument).instruments;
+    if (!instruments.coil_pusher(instrument).has_coils())
+      throw InputError("instrument: {} has no coils", instrument);
+    ++simulation->wanted[instrument].detach;
+  });
+}
+
+xrc_status xrc_get_coil(const xrc_simulation* simulation, size_t instrument, xrc_coil* coil) {
+  return status_of([&] {
+    const Instruments& instruments = with(simulation, instrument).instruments;
+    const std::optional<PushedCoil> pushed = instruments.pushed_coil(instrument);
+    const auto state = coil_of(instruments, instrument);
+    given(coil, "coil") = {pushed ? pushed->model.length_mm : 0, pushed ? pushed->laid_mm : 0,
+                           state ? state->detached : 0, state ? state->packing : 0};
+  });
+}
+
 xrc_status xrc_draw_sheath(xrc_simulation* simulation, size_t instrument, double mm) {
   return status_of([&] {
     with(simulation, instrument);

@@ -142,6 +142,19 @@ xrc_status xrc_inflate(xrc_simulation* simulation, size_t instrument, double bar
  * 50 mm/s. It never goes back over the stent. */
 xrc_status xrc_draw_sheath(xrc_simulation* simulation, size_t instrument, double mm);
 
+/* Detaches the coil on an instrument's wire in the next step, where all of it lies in an aneurysm, else not
+ * at all. An instrument without coils is an error. */
+xrc_status xrc_detach(xrc_simulation* simulation, size_t instrument);
+
+/* The coil on a wire, as of the last step. */
+typedef struct xrc_coil {
+  double length_mm; /* 0: there is none; the next one comes as the wire is drawn back to 0 */
+  double laid_mm;   /* of it, in an aneurysm */
+  int detached;     /* coils of this wire so far */
+  double packing;   /* density, 0 to 1, of the aneurysm in which its last coil lies */
+} xrc_coil;
+xrc_status xrc_get_coil(const xrc_simulation* simulation, size_t instrument, xrc_coil* coil);
+
 /* What an instrument treats with, as of the last step. */
 typedef struct xrc_device {
   double balloon_bar;

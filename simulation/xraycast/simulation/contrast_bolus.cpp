@@ -22,7 +22,8 @@ double womersley_number(double radius_mm, double heart_rate_bpm) {
 double profile_exponent(const VesselBranch& branch, const Blood& blood) {
   constexpr double kParabola = 2, kBluntest = 9;
   if (blood.profile_exponent > 0) return blood.profile_exponent;
-  return std::clamp(womersley_number(width_mm(branch), blood.heart_rate_bpm), kParabola, kBluntest);
+  const double bpm = blood.heart ? 60 / blood.heart->period_s() : blood.heart_rate_bpm;
+  return std::clamp(womersley_number(width_mm(branch), bpm), kParabola, kBluntest);
 }
 
 }  // namespace

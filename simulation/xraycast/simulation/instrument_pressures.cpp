@@ -6,13 +6,6 @@
 
 namespace xraycast {
 
-VesselTree::Location location_of(const InstrumentTip& tip) {
-  VesselTree::Location location;
-  location.branch = tip.branch;
-  location.arc_length_mm = tip.arc_length_mm;
-  return location;
-}
-
 std::vector<TreeFlow::Filling> fillings_of(const VesselTree& tree, const VesselEnd& entry,
                                            const InstrumentTip& tip, double radius_mm) {
   const auto& branches = tree.branches();
@@ -93,6 +86,7 @@ void InstrumentPressures::advance(const Instruments& instruments, double time_s,
     flow_.step((time_s - time_s_) / steps, location_of(instruments.tip(outlet.value_or(0))), rate_ml_s,
                particles);
   time_s_ = time_s;
+  readings_.add(time_s, flow_, tips_of(instruments));
 }
 
 }  // namespace xraycast

@@ -4,15 +4,13 @@
 #include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/simulation/injection.hpp"
+#include "xraycast/simulation/tip_pressures.hpp"
 
 #include <cstddef>
 #include <span>
 #include <vector>
 
 namespace xraycast {
-
-/// The place of an instrument's tip in the tree.
-VesselTree::Location location_of(const InstrumentTip& tip);
 
 /// The lumens in which an instrument lies: it follows the tree from the end where it entered to its tip.
 std::vector<TreeFlow::Filling> fillings_of(const VesselTree& tree, const VesselEnd& entry,
@@ -37,6 +35,7 @@ class InstrumentPressures {
   double aortic_mmHg() const { return flow_.aortic_mmHg(); }
   const Embolisation& embolisation() const { return flow_.embolisation(); }
   const InjectedVolume& injected() const { return injected_; }
+  const TipPressures& readings() const { return readings_; }
   double tip_mmHg(const Instruments& instruments, std::size_t instrument) const {
     return flow_.pressure_mmHg(location_of(instruments.tip(instrument)));
   }
@@ -47,6 +46,7 @@ class InstrumentPressures {
   const VesselTree& tree_;
   TreeFlow flow_;
   InjectedVolume injected_;
+  TipPressures readings_;
   double time_s_ = 0, filled_s_ = -1;
   long vessel_changes_ = 0;  ///< that the flow knows of; see Instruments
 };

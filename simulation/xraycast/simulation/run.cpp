@@ -17,21 +17,6 @@ namespace {
 constexpr double kRounding_s = 1e-9;       // by which times of steps and rows differ
 constexpr double kLeastInterval_s = 1e-3;  // a step
 
-std::optional<RunRecord::Coil> coil_of(const Instruments& instruments, std::size_t d) {
-  const CoilPusher& pusher = instruments.coil_pusher(d);
-  if (!pusher.has_coils()) return {};
-  RunRecord::Coil coil{.detached = pusher.detached};
-  double last_s = -1;
-  for (const CoilPack& pack : instruments.coil_packs())
-    for (const LaidCoil& laid : pack.coils()) {
-      if (laid.instrument != d || laid.from_s < last_s) continue;
-      last_s = laid.from_s;
-      coil.packing = pack.packing();
-      coil.out_mm = laid.is_detached ? 0 : laid.laid_mm;
-    }
-  return coil;
-}
-
 RunRecord record_of(double time_s, const Instruments& instruments, std::size_t d) {
   RunRecord record{.time_s = time_s,
                    .pose = instruments.pose(d),
@@ -486,6 +471,21 @@ std::string in_words(const Treatment& treatment, const VesselTree& tree) {
          stent + occluded;
 }
 
+std::optional<RunRecord::Coil> coil_of(const Instruments& instruments, std::size_t d) {
+  const CoilPusher& pusher = instruments.coil_pusher(d);
+  if (!pusher.has_coils()) return {};
+  RunRecord::Coil coil{.detached = pusher.detached};
+  double last_s = -1;
+  for (const CoilPack& pack : instruments.coil_packs())
+    for (const LaidCoil& laid : pack.coils()) {
+      if (laid.instrument != d || laid.from_s < last_s) continue;
+      last_s = laid.from_s;
+      coil.packing = pack.packing();
+      coil.out_mm = laid.is_detached ? 0 : laid.laid_mm;
+    }
+  return coil;
+}
+
 std::vector<RunRecord> records_of(const Instruments& instruments, double time_s,
                                   const InstrumentPressures* blood) {
   std::vector<RunRecord> records;
@@ -496,6 +496,12 @@ std::vector<RunRecord> records_of(const Instruments& instruments, double time_s,
     records.back().aortic_mmHg = blood->aortic_mmHg();
   }
   return records;
+}
+
+RunUse with_blood(RunUse use, const RunRequest& request, const InstrumentPressures& blood) {
+  if (request.injection.volume_ml() > 0) use.contrast_ml = blood.injected().injected_ml();
+  use.tips_mmHg = blood.readings().tip_means_mmHg();
+  return use;
 }
 
 Run run(const RunRequest& request, Progress& progress, const RunListener& listener) {
@@ -525,7 +531,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
     blood.advance(instruments, time_s, request.injection);
     if (time_s >= static_cast<double>(run.pressures.size()) * sample_s - kRounding_s)
       run.pressures.push_back(sample_of(instruments, time_s, blood));
-    if (listener) listener(instruments, time_s);
+    if (listener) listener(instruments, time_s, blood);
     const double next_s = static_cast<double>(run.records.size()) * request.interval_s;
     if (request.interval_s > 0 && time_s >= next_s - kRounding_s)
       run.records.push_back(records_of(instruments, time_s, &blood));

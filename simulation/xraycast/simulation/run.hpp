@@ -7,6 +7,7 @@
 #include "xraycast/simulation/coiling.hpp"
 #include "xraycast/simulation/injection.hpp"
 #include "xraycast/simulation/instrument_pressures.hpp"
+#include "xraycast/simulation/run_report.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <functional>
@@ -85,6 +86,9 @@ struct RunRecord {
   std::vector<double> phases{};      ///< of the motion's modes; none without a motion
 };
 
+/// Of a wire that pushes coils; none of another instrument.
+std::optional<RunRecord::Coil> coil_of(const Instruments& instruments, std::size_t instrument);
+
 /// A record of each instrument, from the outermost on; its pressures where there is blood.
 std::vector<RunRecord> records_of(const Instruments& instruments, double time_s,
                                   const InstrumentPressures* blood = nullptr);
@@ -113,8 +117,14 @@ struct Run {
   static constexpr double kPressures_s = 300;
 };
 
-/// Is told of the instruments at 0 s, where the hubs are at the script's first poses, and after each step.
-using RunListener = std::function<void(const Instruments& instruments, double time_s)>;
+/// Is told of the instruments and of the blood about them at 0 s, where the hubs are at the script's first
+/// poses, and after each step.
+using RunListener =
+    std::function<void(const Instruments& instruments, double time_s, const InstrumentPressures& blood)>;
+
+/// What a front end counts of a run by itself, with what the blood tells: the agent that was injected, where
+/// the request has an injection, and the pressures at the tips.
+RunUse with_blood(RunUse use, const RunRequest& request, const InstrumentPressures& blood);
 
 /// Runs a script as fast as the machine can. Beforehand the hubs are moved to its first poses, unrecorded.
 /// Deterministic: bit for bit the same on one machine. Throws InputError as check() does, and for first poses

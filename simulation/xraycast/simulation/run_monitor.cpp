@@ -126,11 +126,13 @@ ReportJson json_of(const RunSeries& series) {
   for (const RunSeries::Values& values : series.instruments) {
     std::vector<double> torque_mNm = values.torque_Nm;
     for (double& torque : torque_mNm) torque *= kMilli;
-    json["instruments"].push_back({{"insertion_mm", values.insertion_mm},
-                                   {"tip_path_mm", values.path_mm},
-                                   {"force_N", values.force_N},
-                                   {"torque_mNm", std::move(torque_mNm)},
-                                   {"wall_force_N", values.wall_N}});
+    ReportJson instrument({{"insertion_mm", values.insertion_mm},
+                           {"tip_path_mm", values.path_mm},
+                           {"force_N", values.force_N},
+                           {"torque_mNm", std::move(torque_mNm)},
+                           {"wall_force_N", values.wall_N}});
+    if (values.mmHg.size() == series.time_s.size()) instrument["pressure_mmHg"] = values.mmHg;
+    json["instruments"].push_back(std::move(instrument));
   }
   return json;
 }

@@ -188,6 +188,7 @@ void RunReport::add_series(const Instruments& instruments) {
     values.torque_Nm.push_back(load.torque_Nm);
     values.wall_N.push_back(ways_[d].wall_N);
     ways_[d].wall_N = 0;
+    if (d < figures_.use.tips_mmHg.size()) values.mmHg.push_back(figures_.use.tips_mmHg[d]);
   }
 }
 

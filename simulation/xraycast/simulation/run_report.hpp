@@ -39,6 +39,7 @@ struct RunUse {
   std::optional<double> dap_Gycm2{};      ///< dose-area product
   std::optional<double> contrast_ml{};
   std::vector<Embolised> embolised{};  ///< by particles in it
+  std::vector<double> tips_mmHg{};  ///< pressure at each instrument's tip, its mean over the last heartbeat
 };
 
 /// What was done to a vessel in a run so far.
@@ -65,6 +66,7 @@ struct RunSeries {
     std::vector<double> insertion_mm, path_mm;
     std::vector<double> force_N, torque_Nm;  ///< at the hub
     std::vector<double> wall_N;              ///< the largest since the value before
+    std::vector<double> mmHg;                ///< see RunUse::tips_mmHg; none where they are not told
   };
   std::vector<double> time_s;
   std::vector<Values> instruments;

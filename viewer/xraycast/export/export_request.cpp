@@ -156,23 +156,14 @@ void check_suits_page(const FluoroscopeRequest& asked) {
         "a page's fluoroscope takes C-arm, dose, pulse rate, compression and seed; leave out the others");
 }
 
-/// The whole zoom field, with an entry at its edge, from where instruments go towards the body's middle.
-void check_steerable(const std::vector<InstrumentModel>& instruments) {
-  for (const InstrumentModel& model : instruments)
-    if (model.has_coils())
-      throw InputError(
-          "{}: a page that steers by itself cannot push coils; leave it out, or steer in the window",
-          model.name());
-}
-
-/// Behind those that are there: of other names, and without coils.
+/// Behind those that are there, of other names.
 void add_choices(const std::vector<InstrumentModel>& others, std::vector<InstrumentModel>& choices) {
   for (const InstrumentModel& model : others)
-    if (!model.has_coils() &&
-        std::ranges::find(choices, model.name(), &InstrumentModel::name) == choices.end())
+    if (std::ranges::find(choices, model.name(), &InstrumentModel::name) == choices.end())
       choices.push_back(model);
 }
 
+/// The whole zoom field, with an entry at its edge, from where instruments go towards the body's middle.
 void show_field(CArmPose& pose, const FluoroscopyOptions& options, double entry_height_mm,
                 const BodyBounds& bounds) {
   constexpr int kPixels = 1000;
@@ -255,7 +246,6 @@ ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const
 void make_steered(ExportRequest& request, const RunRequest& run, const std::vector<InstrumentModel>& others,
                   const FluoroscopeRequest& fluoroscope) {
   check_suits_page(fluoroscope);
-  check_steerable(run.instruments);
   request.fluoroscope = options_of(fluoroscope);
   if (request.pose.cone)
     request.fluoroscope.c_arm.distances = *request.pose.cone;
@@ -282,7 +272,6 @@ void add_exercises(ExportRequest& request, const std::vector<Exercise>& exercise
     TrainerSetup setup{.tree = tree, .exercise = to_json(with_shown_names(exercise))};
     setup.motion = request.trainer->motion;
     setup.choices = instruments_named(exercise.instruments);
-    check_steerable(setup.choices);
     for (std::size_t d = 0; d < setup.choices.size(); ++d) setup.used.push_back(d);
     setup.entry = find_entry(*tree, exercise.entry, setup.choices.front());
     add_choices(instruments_named(exercise.devices), setup.choices);

@@ -46,7 +46,9 @@ void check_recordable(const Script& script) {
 RecordedRun recorded_run(const RunRequest& request, Progress& progress) {
   if (request.script) check_recordable(*request.script);
   RecordedRun recorded = RecordedRun::of(request.instruments);
-  run(request, progress, [&](const Instruments& moved, double time_s) { recorded.record(moved, time_s); });
+  run(request, progress, [&](const Instruments& moved, double time_s, const InstrumentPressures&) {
+    recorded.record(moved, time_s);
+  });
   return recorded;
 }
 

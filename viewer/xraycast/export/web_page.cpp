@@ -232,6 +232,7 @@ PageJson steered_json(const InstrumentModel& model) {
   PageJson json = instrument_json(model.name(), drawn(model));
   if (model.balloon()) json["balloon_bar"] = model.max_inflation_bar();
   if (model.has_sheath()) json["sheath"] = {{"mm", model.max_release_mm()}, {"rings", model.stent()->rings}};
+  if (model.has_coils()) json["coils"] = model.coils().size();
   return json;
 }
 

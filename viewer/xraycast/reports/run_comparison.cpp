@@ -87,11 +87,13 @@ constexpr std::array<Figure, 27> kOfTreatment{
      {"inflow_percent", "the sac's inflow, of that without coils", "%", 0},
      {"particles", "particles", "", 0},
      {"periphery_percent", "conductance left of the periphery", "%", 0}}};
-constexpr std::array<Figure, 5> kCurves{{{"insertion_mm", "insertion", "mm", 0},
+constexpr std::array<Figure, 6> kCurves{{{"insertion_mm", "insertion", "mm", 0},
                                          {"tip_path_mm", "path of the tip", "mm", 0},
                                          {"force_N", "force at the hub", "N", 0},
                                          {"torque_mNm", "torque at the hub", "mN m", 0},
-                                         {"wall_force_N", "force on the wall", "N", 0}}};
+                                         {"wall_force_N", "force on the wall", "N", 0},
+                                         {"pressure_mmHg", "mean pressure at the tip", "mmHg", 0}}};
+constexpr const char* kMayBeMissing = "pressure_mmHg";  // in runs that were not told of it
 constexpr std::size_t kMostInstruments = 3, kMostValues = 100'000, kMostRuns = 1000;
 // Of an exercise; entries into at most so many forbidden vessels may be many.
 constexpr std::size_t kMostTargets = 100, kMostTreatments = 100, kMostNotes = 10;
@@ -185,6 +187,7 @@ void read_series(const SavedJson& series, const std::string& where, SavedRun& ru
     SavedRun::Curves& curves = run.curves.emplace_back();
     if (!instrument.is_object()) throw InputError("{}: is not an object", where);
     for (const Figure& figure : kCurves) {
+      if (!find(instrument, figure.name) && figure.name == std::string_view(kMayBeMissing)) continue;
       std::vector<double> values = values_in(list_in(instrument, figure.name, kMostValues, where), where);
       if (values.size() != run.time_s.size())
         throw InputError("{}: \"{}\" has {} values, but there are {} times", where, figure.name,
@@ -350,6 +353,7 @@ std::string plots_over_time(const std::vector<SavedRun>& runs) {
     std::vector<Curve> curves;
     for (const SavedRun& run : runs)
       for (std::size_t d = 0; d < run.curves.size() && curves.size() < kMostCurves; ++d) {
+        if (!run.curves[d].contains(figure.name)) continue;
         const std::string instrument =
             d < run.instruments.size() ? run.instruments[d] : fmt::format("instrument {}", d + 1);
         Curve curve{runs.size() == 1 ? instrument : run.name + ", " + instrument, {}, {}, curves.size()};

@@ -59,6 +59,20 @@ class HandMessage {
     return orders;
   }
 
+  /// {"instrument": 1}: something that one of the hubs is to do once.
+  std::array<bool, kMaxHubs> deed(const char* name) {
+    std::array<bool, kMaxHubs> does{};
+    const auto field = find(name);
+    if (field == json_.end()) return does;
+    HandMessage order(*field);
+    const double hub = order.number("instrument", 0, kMaxHubs - 1, std::nan(""));
+    if (!order.is_good() || hub != std::floor(hub))
+      is_good_ = false;
+    else
+      does[static_cast<std::size_t>(hub)] = true;
+    return does;
+  }
+
   /// {"mm": 0.5}; of 0 mm: none.
   std::optional<Particles> particles(const char* name) {
     const auto field = find(name);
@@ -150,6 +164,7 @@ bool BrowserHand::receive(std::string_view text, Clock::time_point now) {
   constexpr double kMost_bar = 100, kMost_mm = 1000;
   said.balloons_bar = message.order("balloon", "bar", kMost_bar);
   said.sheaths_mm = message.order("sheath", "mm", kMost_mm);
+  said.detaches = message.deed("detach");
   said.particles = message.particles("particles");
   if (!message.is_good()) return false;
 
@@ -162,6 +177,7 @@ bool BrowserHand::receive(std::string_view text, Clock::time_point now) {
   if (!said.particles) said.particles = commands_.particles;
   for (std::size_t hub = 0; hub < kMaxHubs; ++hub) {
     if (!said.balloons_bar[hub]) said.balloons_bar[hub] = commands_.balloons_bar[hub];
+    said.detaches[hub] = said.detaches[hub] || commands_.detaches[hub];
     if (!said.sheaths_mm[hub]) said.sheaths_mm[hub] = commands_.sheaths_mm[hub];
   }
   BodyChanges body = std::move(commands_.body);
@@ -186,6 +202,7 @@ LiveCommands BrowserHand::commands(Clock::time_point now) {
   commands_.next_hubs = commands_.valve_toggles = 0;
   commands_.c_arm.reset();
   commands_.balloons_bar = commands_.sheaths_mm = {};
+  commands_.detaches = {};
   commands_.particles.reset();
   commands_.body = {};
   return commands;

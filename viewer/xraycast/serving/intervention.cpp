@@ -115,7 +115,8 @@ RunUse Intervention::use() const {
           .air_kerma_mGy = since(now.air_kerma_mGy, used_before_.air_kerma_mGy),
           .dap_Gycm2 = since(now.dap_Gycm2, used_before_.dap_Gycm2),
           .contrast_ml = run_->injected_ml(),
-          .embolised = run_->embolised()};
+          .embolised = run_->embolised(),
+          .tips_mmHg = run_->pressures().tip_means_mmHg()};
 }
 
 void Intervention::exchange(std::size_t instrument, const InstrumentModel& model) {

@@ -81,8 +81,14 @@ void SimulatedRun::update() {
   bolus_.step(passed_s, location_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s,
               Injection{}.agent_mg_ml, particles_.through(now_->agent_lumen_mm));
   injected_ml_ += passed_s * injection_ml_s;
-  Load load{now_->time_s, {}};
-  for (std::size_t d = 0; d < now_->count(); ++d) load.hubs[d] = now_->instrument(d).load;
+  std::vector<InstrumentTip> tips;
+  for (std::size_t d = 0; d < now_->count(); ++d) tips.push_back(now_->instrument(d).tip);
+  pressures_.add(now_->time_s, bolus_.flow(), tips);
+  Load load{now_->time_s, {}, {}};
+  for (std::size_t d = 0; d < now_->count(); ++d) {
+    load.hubs[d] = now_->instrument(d).load;
+    load.tips_mmHg[d] = pressures_.tip(d).now_mmHg;
+  }
   loads_.push_back(load);
   while (loads_.front().time_s < now_->time_s - kKept_s) loads_.pop_front();
   if (is_recording_) record();

@@ -114,10 +114,14 @@ class SimulatedRun {
   /// None where the body is still.
   std::vector<glm::vec3> drums_moved_mm() const;
 
-  /// The hubs' loads of the last seconds, oldest first.
+  /// The blood's pressures now and over the last heartbeat.
+  const TipPressures& pressures() const { return pressures_; }
+
+  /// The hubs' loads, and those pressures, of the last seconds, oldest first.
   struct Load {
     double time_s;
     std::array<HubLoad, kMaxHubs> hubs;
+    std::array<double, kMaxHubs> tips_mmHg;  ///< the blood's pressure at each tip
   };
   static constexpr double kKept_s = 10;
   const std::deque<Load>& loads() const { return loads_; }
@@ -161,6 +165,7 @@ class SimulatedRun {
   double body_from_s_;                                    ///< the body's time as the run begins
   double injection_ml_s_ = 0, injected_ml_ = 0;
   Particles particles_;
+  TipPressures pressures_;
   std::deque<Load> loads_;
   bool is_recording_ = false;
   std::vector<Poses> recorded_;

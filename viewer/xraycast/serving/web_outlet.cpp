@@ -25,6 +25,7 @@ LiveCommands WebOutlet::commands() {
   commands.insertion_mm_s = commands.rotation_rad_s = 0;
   commands.next_hubs = commands.valve_toggles = 0;
   commands.balloons_bar = commands.sheaths_mm = {};
+  commands.detaches = {};
   return commands;
 }
 
@@ -37,6 +38,10 @@ void WebOutlet::publish(const LiveFrame& frame) {
   message_.time_s = now.time_s;
   message_.fluoroscopy_s = intervention.fluoroscopy_s();
   message_.injected_ml = run.injected_ml();
+  message_.packing = 0;
+  if (now.coiled)
+    for (const CoiledSac& sac : *now.coiled) message_.packing = std::max(message_.packing, sac.packing);
+  message_.aortic_mmHg = run.pressures().aorta().now_mmHg;
   message_.exposes = intervention.is_live();
   message_.injects = run.injection_ml_s() > 0;
   message_.is_valve_locked = run.is_valve_locked();
@@ -49,6 +54,8 @@ void WebOutlet::publish(const LiveFrame& frame) {
     const InstrumentTip& tip = now.instrument(d).tip;
     message_.instruments[d].tip_branch = static_cast<std::size_t>(tip.branch);
     message_.instruments[d].tip_along_mm = tip.arc_length_mm;
+    message_.instruments[d].coil = now.instrument(d).coil;
+    message_.instruments[d].pressure = run.pressures().tip(d);
     tell_treating(message_.instruments[d], run.models()[d], treating_view(now.instrument(d)));
   }
   if (message_.exposures != static_cast<std::uint32_t>(intervention.exposures())) take_exposure(intervention);

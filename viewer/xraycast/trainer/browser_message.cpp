@@ -8,9 +8,10 @@
 namespace xraycast {
 namespace {
 
-constexpr unsigned kFormat = 4;
+constexpr unsigned kFormat = 5;
 constexpr unsigned kExposes = 1, kInjects = 2, kIsLocked = 4, kHasOutlet = 8;
-constexpr unsigned kIsHeld = 1, kIsGate = 2;  // of a mode
+constexpr unsigned kCanBeDetached = 1, kIsOutside = 2;  // of a coil
+constexpr unsigned kIsHeld = 1, kIsGate = 2;            // of a mode
 
 /// Numbers as they lie in memory, one behind the other.
 class Numbers {
@@ -29,6 +30,15 @@ class Numbers {
   std::string bytes_;
 };
 
+void add_coil(const std::optional<PushedCoil>& coil, Numbers& numbers) {
+  const PushedCoil shown = coil.value_or(PushedCoil{});
+  numbers.whole((coil && coil->can_be_detached() ? kCanBeDetached : 0u) |
+                (coil && !coil->is_in_sac && coil->out_mm >= 0 ? kIsOutside : 0u));
+  numbers.real(shown.model.loop_mm);
+  numbers.real(shown.model.length_mm);
+  numbers.real(shown.laid_mm);
+}
+
 void add_instrument(const BrowserMessage::Instrument& instrument, Numbers& numbers) {
   numbers.real(instrument.pose.insertion_mm);
   numbers.real(instrument.pose.rotation_rad * 180 / std::numbers::pi);
@@ -40,6 +50,12 @@ void add_instrument(const BrowserMessage::Instrument& instrument, Numbers& numbe
   numbers.real(instrument.balloon_mm);
   numbers.real(instrument.pose.release_mm);
   numbers.whole(static_cast<std::size_t>(instrument.free_rings));
+  numbers.whole(static_cast<std::size_t>(instrument.pose.detach));
+  add_coil(instrument.coil, numbers);
+  numbers.real(instrument.pressure.now_mmHg);
+  numbers.real(instrument.pressure.systolic_mmHg);
+  numbers.real(instrument.pressure.diastolic_mmHg);
+  numbers.real(instrument.pressure.mean_mmHg);
   numbers.whole(instrument.parts_mm.size());
   for (const std::vector<glm::dvec3>& part_mm : instrument.parts_mm) {
     numbers.whole(part_mm.size());
@@ -122,6 +138,8 @@ std::string packed(const BrowserMessage& message) {
   numbers.real(message.time_s);
   numbers.real(message.fluoroscopy_s);
   numbers.real(message.injected_ml);
+  numbers.real(message.aortic_mmHg);
+  numbers.real(message.packing);
   for (const BrowserMessage::Instrument& instrument : message.instruments)
     add_instrument(instrument, numbers);
   add_devices(message.devices, numbers);

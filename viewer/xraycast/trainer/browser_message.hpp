@@ -3,12 +3,14 @@
 #include "xraycast/catheter/hub.hpp"
 #include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/scene/device_tubes.hpp"
+#include "xraycast/simulation/tip_pressures.hpp"
 
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,13 +23,16 @@ struct BrowserMessage {
     HubLoad load;
     std::size_t tip_branch = 0;  ///< of the vessel tree, and how far along it the tip is
     double tip_along_mm = 0;
-    double balloon_mm = 0;  ///< its diameter; 0 without a balloon
-    int free_rings = 0;     ///< of its stent, that have left its sheath
+    double balloon_mm = 0;             ///< its diameter; 0 without a balloon
+    int free_rings = 0;                ///< of its stent, that have left its sheath
+    std::optional<PushedCoil> coil{};  ///< on its wire
+    PressureReading pressure{};        ///< of the blood at its tip
     /// At the last exposure: the control points of each part's curve (see lengths_of and controls_of).
     std::vector<std::vector<glm::dvec3>> parts_mm;
   };
 
-  double time_s = 0, fluoroscopy_s = 0, injected_ml = 0;
+  double time_s = 0, fluoroscopy_s = 0, injected_ml = 0, aortic_mmHg = 0;
+  double packing = 0;  ///< density of the coils in the sac that is packed most densely
   bool exposes = false, injects = false, is_valve_locked = false;
   bool has_outlet = true;  ///< for contrast agent: a lumen is free
   std::size_t held_hub = 0;

@@ -39,8 +39,12 @@ Instruments::Options in_body(const std::optional<TrainerBody>& body) {
 
 }  // namespace
 
-std::array<double, 4> numbers_of(const HubPose& pose) {
-  return {pose.insertion_mm, pose.rotation_rad, pose.inflation_bar, pose.release_mm};
+std::array<double, kPoseNumbers> numbers_of(const HubPose& pose) {
+  return {pose.insertion_mm, pose.rotation_rad, pose.inflation_bar, pose.release_mm, pose.detach};
+}
+
+HubPose pose_of(std::span<const double, kPoseNumbers> numbers) {
+  return {numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]};
 }
 
 Trainer::Trainer(TrainerSetup setup)
@@ -66,6 +70,11 @@ void Trainer::inflate(std::size_t instrument, double bar) {
 
 void Trainer::draw_sheath(std::size_t instrument, double mm) {
   if (instrument < instruments_.count()) couplings_.draw_sheath(instrument, mm);
+}
+
+void Trainer::detach(std::size_t instrument) {
+  if (instrument < instruments_.count() && setup_.choices[setup_.used[instrument]].has_coils())
+    couplings_.detach(instrument, couplings_.detachments(instrument) + 1);
 }
 
 void Trainer::exchange(std::size_t instrument, std::size_t choice) {
@@ -113,7 +122,8 @@ void Trainer::count_step() {
                               .air_kerma_mGy = air_kerma_mGy_,
                               .dap_Gycm2 = dap_Gycm2_,
                               .contrast_ml = message_.injected_ml,
-                              .embolised = embolised_});
+                              .embolised = embolised_,
+                              .tips_mmHg = pressures_.tip_means_mmHg()});
   poses_.push_back(instruments_.time_s());
   for (std::size_t d = 0; d < instruments_.count(); ++d)
     for (const double number : numbers_of(instruments_.pose(d))) poses_.push_back(number);
@@ -133,8 +143,13 @@ std::string Trainer::message() {
     const InstrumentTip tip = instruments_.tip(d);
     message_.instruments[d].tip_branch = static_cast<std::size_t>(tip.branch);
     message_.instruments[d].tip_along_mm = tip.arc_length_mm;
+    message_.instruments[d].coil = instruments_.pushed_coil(d);
+    message_.instruments[d].pressure = pressures_.tip(d);
     tell_treating(message_.instruments[d], instruments_.rod(d).instrument(), treating_view(instruments_, d));
   }
+  for (const CoilPack& pack : instruments_.coil_packs())
+    message_.packing = std::max(message_.packing, pack.packing());
+  message_.aortic_mmHg = pressures_.aorta().now_mmHg;
   const bool is_gate_open = this->is_gate_open();
   if (message_.exposures == 0 || (is_gate_open && is_pulse_due())) expose();
   if (body_) body_->tell(message_);
@@ -174,6 +189,7 @@ void Trainer::let_flow() {
   const double ml_s = hand_.injects && outlet ? kInjection_ml_s : 0;
   bolus_.step(passed_s, location_of(instruments_.tip(outlet.value_or(0))), ml_s, Injection{}.agent_mg_ml,
               particles_.through(agent_lumen_mm(instruments_)));
+  pressures_.add(instruments_.time_s(), bolus_.flow(), tips_of(instruments_));
   message_.injected_ml += ml_s * passed_s;
   if (particles_.are_any() || !embolised_.empty()) embolised_ = bolus_.flow().embolisation().list();
   if (hand_.pedal) message_.fluoroscopy_s += passed_s;

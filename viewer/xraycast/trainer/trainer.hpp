@@ -6,6 +6,7 @@
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/run_monitor.hpp"
+#include "xraycast/simulation/tip_pressures.hpp"
 #include "xraycast/trainer/browser_message.hpp"
 #include "xraycast/trainer/trainer_body.hpp"
 #include "xraycast/trainer/trainer_setup.hpp"
@@ -24,9 +25,11 @@ struct TrainerHand {
   bool is_slow = false, pedal = false, injects = false;
 };
 
-/// An insertion in mm, a rotation in rad, a balloon's pressure in bar, and how far a sheath is drawn back, in
-/// mm.
-std::array<double, 4> numbers_of(const HubPose& pose);
+/// An insertion in mm, a rotation in rad, a balloon's pressure in bar, how far a sheath is drawn back, in mm,
+/// and how many coils were to be detached.
+inline constexpr std::size_t kPoseNumbers = 5;
+std::array<double, kPoseNumbers> numbers_of(const HubPose& pose);
+HubPose pose_of(std::span<const double, kPoseNumbers> numbers);
 
 /// Instruments steered by hand in one thread, which its owner steps: a page without a server has it in a
 /// worker, as WebAssembly. What it tells is what a server of a live session tells (docs/web.md), but how
@@ -54,6 +57,9 @@ class Trainer {
   /// drawn back (see HubCouplings).
   void inflate(std::size_t instrument, double bar);
   void draw_sheath(std::size_t instrument, double mm);
+
+  /// Detaches the coil on an instrument's wire, where all of it lies in a sac.
+  void detach(std::size_t instrument);
 
   /// Puts particles into the agent that is injected from now on, or none.
   void mix_in(const Particles& particles) { particles_ = particles; }
@@ -96,6 +102,7 @@ class Trainer {
   ManualDevice device_{"hand"};
   HubCouplings couplings_;
   ContrastBolus bolus_;
+  TipPressures pressures_;
   ContrastSurface contrast_;
   long vessel_changes_ = 0;  ///< that bolus and contrast agent have
   RunMonitor monitor_;

@@ -24,10 +24,16 @@ void add(const Range& range, std::vector<double>& numbers) {
   numbers.push_back(range.at_hub);
 }
 
+void add_text(const std::string& text, std::vector<double>& numbers) {
+  numbers.push_back(static_cast<double>(text.size()));
+  for (const char byte : text) numbers.push_back(static_cast<unsigned char>(byte));
+}
+
 void add_tree(const VesselTree& tree, std::vector<double>& numbers) {
   numbers.push_back(static_cast<double>(tree.branches().size()));
   for (const VesselBranch& branch : tree.branches()) {
     numbers.push_back(branch.parent);
+    add_text(branch.name, numbers);
     numbers.push_back(static_cast<double>(branch.points.size()));
     for (const VesselPoint& point : branch.points)
       for (const double number :
@@ -85,12 +91,23 @@ void add_model(const InstrumentModel::Properties& p, std::vector<double>& number
   }
   add_balloon(p.balloon, numbers);
   add_stent(p.stent, numbers);
+  numbers.push_back(static_cast<double>(p.coils.size()));
+  for (const CoilModel& coil : p.coils)
+    for (const double number : {coil.loop_mm, coil.length_mm, coil.wire_mm}) numbers.push_back(number);
+}
+
+std::string text_of(SetupNumbers& numbers) {
+  constexpr int kMostByte = 255;
+  std::string text(numbers.count(), ' ');
+  for (char& byte : text) byte = static_cast<char>(static_cast<unsigned char>(numbers.whole(kMostByte)));
+  return text;
 }
 
 std::shared_ptr<const VesselTree> tree_of(SetupNumbers& numbers) {
   std::vector<VesselBranch> branches(numbers.count());
   for (VesselBranch& branch : branches) {
     branch.parent = numbers.index();
+    branch.name = text_of(numbers);
     branch.points.resize(numbers.count());
     for (VesselPoint& point : branch.points) {
       for (int axis = 0; axis < 3; ++axis) point.position_mm[axis] = numbers.real();
@@ -163,6 +180,9 @@ InstrumentModel model_of(SetupNumbers& numbers, const std::string& name) {
   }
   p.balloon = balloon_of(numbers);
   p.stent = stent_of(numbers);
+  p.coils.resize(numbers.count());
+  for (CoilModel& coil : p.coils)
+    for (double* number : {&coil.loop_mm, &coil.length_mm, &coil.wire_mm}) *number = numbers.real();
   return InstrumentModel(std::move(p), name);
 }
 
@@ -191,8 +211,7 @@ std::vector<double> packed_use(const TrainerSetup& setup) {
   for (const InstrumentModel& model : setup.choices) add_model(model.properties(), numbers);
   numbers.push_back(static_cast<double>(setup.used.size()));
   for (const std::size_t choice : setup.used) numbers.push_back(static_cast<double>(choice));
-  numbers.push_back(static_cast<double>(setup.exercise.size()));
-  for (const char byte : setup.exercise) numbers.push_back(static_cast<unsigned char>(byte));
+  add_text(setup.exercise, numbers);
   return numbers;
 }
 
@@ -210,8 +229,7 @@ TrainerSetup trainer_setup_of(std::span<const double> packed) {
     choice = static_cast<std::size_t>(numbers.index());
     if (choice >= choices) throw InputError("{}: there are {} instruments", kName, choices);
   }
-  setup.exercise.resize(numbers.count());
-  for (char& byte : setup.exercise) byte = static_cast<char>(static_cast<unsigned char>(numbers.index()));
+  setup.exercise = text_of(numbers);
   return setup;
 }
 

@@ -39,6 +39,19 @@ void drag_hub(ManualDevice& hand) {
 
 void write_wrapped(const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); }
 
+/// Values of the last seconds under their name and what is read of them.
+void draw_chart(const char* name, const std::string& reading, const std::vector<float>& values, float least,
+                float most, const ImVec2& size) {
+  ImGui::BeginGroup();
+  ImGui::AlignTextToFramePadding();
+  ImGui::TextDisabled("%s", name);
+  ImGui::SameLine();
+  ImGui::TextUnformatted(reading.c_str());
+  ImGui::PlotLines(fmt::format("##{}", name).c_str(), values.data(), static_cast<int>(values.size()), 0,
+                   nullptr, least, most, size);
+  ImGui::EndGroup();
+}
+
 void load_chart(const char* name, const SimulatedRun& run, std::size_t hub, double HubLoad::*load,
                 double scale, const char* unit, float width) {
   std::vector<float> values;
@@ -46,15 +59,21 @@ void load_chart(const char* name, const SimulatedRun& run, std::size_t hub, doub
     values.push_back(static_cast<float>(scale * (at.hubs[hub].*load)));
   float largest = 0.1f;
   for (const float value : values) largest = std::max(largest, std::abs(value));
-  ImGui::BeginGroup();
-  ImGui::AlignTextToFramePadding();
-  ImGui::TextDisabled("%s", name);
-  ImGui::SameLine();
-  ImGui::TextUnformatted(
-      fmt::format("{:+.2f} {}", no_negative_zero(values.empty() ? 0 : values.back(), 2), unit).c_str());
-  ImGui::PlotLines(fmt::format("##{}", name).c_str(), values.data(), static_cast<int>(values.size()), 0,
-                   nullptr, -largest, largest, {width, 4 * ImGui::GetFontSize()});
-  ImGui::EndGroup();
+  draw_chart(name, fmt::format("{:+.2f} {}", no_negative_zero(values.empty() ? 0 : values.back(), 2), unit),
+             values, -largest, largest, {width, 4 * ImGui::GetFontSize()});
+}
+
+/// Of the blood at an instrument's tip.
+void pressure_chart(const SimulatedRun& run, std::size_t instrument) {
+  constexpr float kMost_mmHg = 160, kRows = 3;
+  std::vector<float> values;
+  float most_mmHg = kMost_mmHg;
+  for (const SimulatedRun::Load& at : run.loads()) {
+    values.push_back(static_cast<float>(at.tips_mmHg[instrument]));
+    most_mmHg = std::max(most_mmHg, values.back());
+  }
+  draw_chart("at the tip", in_words(run.pressures().tip(instrument)), values, 0, most_mmHg,
+             {ImGui::GetContentRegionAvail().x, kRows * ImGui::GetFontSize()});
 }
 
 /// Over a network every hub is moved, and one leads while the valve is locked.
@@ -210,6 +229,7 @@ void show_loads(const SimulatedRun& run, std::size_t hub) {
     ImGui::SetCursorPosY(top);
   }
   load_chart("torque", run, hub, &HubLoad::torque_Nm, 1000, "N mm", width);
+  pressure_chart(run, hub);
 }
 
 void handle_held_input(Viewer& viewer, GLFWwindow* window) {
