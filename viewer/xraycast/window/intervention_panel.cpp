@@ -39,6 +39,23 @@ void drag_hub(ManualDevice& hand) {
 
 void write_wrapped(const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); }
 
+/// A value of the last seconds at even times, whenever frames were drawn.
+template <typename Value>
+std::vector<float> over_time(const SimulatedRun& run, const Value& value) {
+  constexpr int kSamples = 240;
+  const auto& loads = run.loads();
+  std::vector<float> values;
+  if (loads.empty()) return values;
+  const double from_s = loads.front().time_s, to_s = loads.back().time_s;
+  std::size_t next = 0;
+  for (int i = 0; i < kSamples; ++i) {
+    const double time_s = std::lerp(from_s, to_s, static_cast<double>(i) / (kSamples - 1));
+    while (next + 1 < loads.size() && loads[next].time_s < time_s) ++next;
+    values.push_back(static_cast<float>(value(loads[next])));
+  }
+  return values;
+}
+
 /// Values of the last seconds under their name and what is read of them.
 void draw_chart(const char* name, const std::string& reading, const std::vector<float>& values, float least,
                 float most, const ImVec2& size) {
@@ -54,9 +71,8 @@ void draw_chart(const char* name, const std::string& reading, const std::vector<
 
 void load_chart(const char* name, const SimulatedRun& run, std::size_t hub, double HubLoad::*load,
                 double scale, const char* unit, float width) {
-  std::vector<float> values;
-  for (const SimulatedRun::Load& at : run.loads())
-    values.push_back(static_cast<float>(scale * (at.hubs[hub].*load)));
+  const std::vector<float> values =
+      over_time(run, [&](const SimulatedRun::Load& at) { return scale * (at.hubs[hub].*load); });
   float largest = 0.1f;
   for (const float value : values) largest = std::max(largest, std::abs(value));
   draw_chart(name, fmt::format("{:+.2f} {}", no_negative_zero(values.empty() ? 0 : values.back(), 2), unit),
@@ -66,12 +82,10 @@ void load_chart(const char* name, const SimulatedRun& run, std::size_t hub, doub
 /// Of the blood at an instrument's tip.
 void pressure_chart(const SimulatedRun& run, std::size_t instrument) {
   constexpr float kMost_mmHg = 160, kRows = 3;
-  std::vector<float> values;
+  const std::vector<float> values =
+      over_time(run, [&](const SimulatedRun::Load& at) { return at.tips_mmHg[instrument]; });
   float most_mmHg = kMost_mmHg;
-  for (const SimulatedRun::Load& at : run.loads()) {
-    values.push_back(static_cast<float>(at.tips_mmHg[instrument]));
-    most_mmHg = std::max(most_mmHg, values.back());
-  }
+  for (const float mmHg : values) most_mmHg = std::max(most_mmHg, mmHg);
   draw_chart("at the tip", in_words(run.pressures().tip(instrument)), values, 0, most_mmHg,
              {ImGui::GetContentRegionAvail().x, kRows * ImGui::GetFontSize()});
 }
