@@ -56,7 +56,7 @@ void add_flow(nb::module_& module) {
   nb::class_<HeldFlow>(module, "BloodFlow", "What flow() gives: pressures and flows over a heartbeat.")
       .def_prop_ro(
           "time_s", [](const HeldFlow& f) { return line_of(f, &FlowCycle::time_s); }, kShared,
-          "Of the samples, (samples,) float64, since the heart began to eject.")
+          "Of the samples, (samples,) float64, since the heart began to eject, or its waveform.")
       .def_prop_ro(
           "aortic_mmHg", [](const HeldFlow& f) { return line_of(f, &FlowCycle::aortic_mmHg); }, kShared,
           "The pressure before the root, (samples,) float64.")

@@ -5,6 +5,8 @@
 #include "xraycast/base/error.hpp"
 
 #include <memory>
+#include <utility>
+#include <vector>
 
 namespace xraycast::python {
 namespace {
@@ -14,11 +16,10 @@ HeartWaveform waveform_of(const nb::object& given) {
   const Numbers numbers = numbers_of(given, "heart_waveform");
   if (numbers.shape.size() != 2 || numbers.shape[1] != 2)
     throw InputError("heart_waveform: must be a file or (samples, 2): time in s and flow in ml/s");
-  HeartWaveform waveform;
+  std::vector<HeartWaveform::Sample> samples;
   for (std::size_t i = 0; i < numbers.shape[0]; ++i)
-    waveform.samples.push_back({numbers.values[2 * i], numbers.values[2 * i + 1]});
-  check(waveform, "heart_waveform");
-  return waveform;
+    samples.push_back({numbers.values[2 * i], numbers.values[2 * i + 1]});
+  return HeartWaveform::of(std::move(samples), "heart_waveform");
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/blood_flow/heart_waveform.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/casting/key_maps.hpp"
@@ -689,6 +690,11 @@ const Reader kReaders[] = {
     {"spectrum", "beam.txt",
      [](const fs::path& path) { write_bytes(path, "# keV, photons\n20 0.5\n40 1\n60 2.25\n80 0.1\n"); },
      [](const fs::path& path) { return Spectrum::named(path.string()), Content(); }},
+    {"heart_waveform", "heart.csv",
+     [](const fs::path& path) {
+       write_bytes(path, "time_s,flow_ml_s\n0,0\n0.1,420\n0.3,-20\n0.35,0\n0.86,0\n");
+     },
+     without_content<HeartWaveform::read>},
     {"script", "push.csv",
      [](const fs::path& path) {
        write_bytes(path, "time_s,insertion_mm,rotation_deg\n0,0,0\n1,20,180\n4,300,180\n");

@@ -130,16 +130,21 @@ TEST(CSimulation, DetachesACoil) {
   push(1, 256);
   ASSERT_EQ(xrc_get_coil(simulation.get(), 1, &coil), XRC_OK);
   EXPECT_EQ(coil.length_mm, 300);
+  EXPECT_EQ(coil.can_be_detached, 0);
+  EXPECT_EQ(coil.is_outside, 0);
   EXPECT_NEAR(coil.laid_mm, 150, 5);                   // but for slack in the catheter
   ASSERT_EQ(xrc_detach(simulation.get(), 1), XRC_OK);  // in vain
   push(1, 406);
   ASSERT_EQ(xrc_detach(simulation.get(), 1), XRC_OK);
-  for (int step = 0; step < 20; ++step)  // coils are looked at every tenth one
-    ASSERT_EQ(xrc_step(simulation.get(), hubs.data(), 2), XRC_OK);
+  ASSERT_EQ(xrc_get_coil(simulation.get(), 1, &coil), XRC_OK);
+  EXPECT_EQ(coil.can_be_detached, 1);
+  EXPECT_EQ(coil.loop_mm, 10);
+  ASSERT_EQ(xrc_step(simulation.get(), hubs.data(), 2), XRC_OK);
   ASSERT_EQ(xrc_get_coil(simulation.get(), 1, &coil), XRC_OK);
   EXPECT_EQ(coil.length_mm, 0);
   EXPECT_EQ(coil.detached, 1);
   EXPECT_GT(coil.packing, 0.03);
+  EXPECT_EQ(xrc_get_coil(simulation.get(), 0, &coil), XRC_INPUT_ERROR);
   EXPECT_EQ(xrc_detach(simulation.get(), 0), XRC_INPUT_ERROR);
   EXPECT_EQ(std::string(xrc_last_error()), "instrument: 0 has no coils");
 }

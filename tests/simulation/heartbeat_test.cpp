@@ -122,16 +122,20 @@ INSTANTIATE_TEST_SUITE_P(
         BadWaveform{"",
                     "h.csv: 0 samples; a heart's waveform has 2 to 100000, each a line of a time in s and a "
                     "flow in ml/s"},
-        BadWaveform{"0,0\n0.5,nan\n1,0\n", "h.csv: sample 2: must be finite numbers"},
+        BadWaveform{"0,0\n0.5,nan\n1,0\n",
+                    "h.csv: sample 2: must be a time in s and a flow of at most 5000 ml/s"},
         BadWaveform{"0,0\n0.5,3;1,0\n",
-                    "h.csv: line 2: \"0.5,3;1,0\" is not a time in s and a flow in ml/s, "
+                    "h.csv: line 2: \"0.5,3;1,0\" must be a time in s and a flow in ml/s, "
                     "such as 0.12,310"},
+        BadWaveform{"0;0\n0.4;300\n0.8;0\n",
+                    "h.csv: line 1: \"0;0\" must be a time in s and a flow in ml/s, such as 0.12,310"},
+        BadWaveform{"0,0\n0.4,1e9\n0.8,-1e9\n",
+                    "h.csv: sample 2: must be a time in s and a flow of at most 5000 ml/s"},
         BadWaveform{"0,0\n0.5,300\n0.5,0\n", "h.csv: sample 3: 0.5 s; times must ascend from 0 s"},
         BadWaveform{"0,0\n500,300\n800,0\n", "h.csv: lasts for 800 s; a beat takes 0.24 to 3 s"},
         BadWaveform{"0,0\n0.5,-300\n1,0\n",
-                    "h.csv: its mean is -150 ml/s; a heart gives more than 0 and at most 1000 ml/s"},
-        BadWaveform{"0,0\n0.5,0.3e7\n1,0\n",
-                    "h.csv: its mean is 1.5e+06 ml/s; a heart gives more than 0 and at most 1000 ml/s"}));
+                    "h.csv: its mean is -150 ml/s; a heart gives 1 to 1000 ml/s: turn the sign"},
+        BadWaveform{"0,0\n0.5,4000\n1,0\n", "h.csv: its mean is 2e+03 ml/s; a heart gives 1 to 1000 ml/s"}));
 
 TEST(Injection, GivesItsVolumeHoweverTimeIsDivided) {
   const Injection injection{.from_s = 0.25, .to_s = 1.1, .rate_ml_s = 4};

@@ -1,12 +1,18 @@
 #include "xraycast/simulation/instrument_pressures.hpp"
 
+#include "xraycast/blood_flow/flow_cycle.hpp"
 #include "xraycast/simulation/run.hpp"
+#include "xraycast/simulation/run_monitor.hpp"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
+#include <random>
+#include <utility>
 #include <vector>
 
 namespace xraycast::instrument_pressures_test {
@@ -54,6 +60,70 @@ std::vector<std::vector<double>> ways(const VesselEnd& end, const InstrumentTip&
 }
 
 using Ways = std::vector<std::vector<double>>;
+
+/// At the end of the third branch and in the aorta, sampled at these times over three beats.
+template <typename Next>
+TipPressures readings(const Blood& blood, const Next& next) {
+  static const VesselTree legs = tree();
+  TreeFlow flow(legs, blood);
+  TipPressures pressures;
+  double due_s = 0;
+  for (double time_s = 1e-3; time_s < 3 * flow.heart().period_s(); time_s += 1e-3) {
+    flow.step(1e-3, {}, 0);
+    if (time_s < due_s - 1e-9) continue;
+    pressures.add(time_s, flow, {tip(3, 100), tip(0, 0)});
+    due_s = next(time_s);
+  }
+  return pressures;
+}
+
+TEST(TipPressures, AreThoseOfTheLastHeartbeat) {
+  const FlowRequest request{.tree = std::make_shared<const VesselTree>(tree())};
+  Progress progress;
+  const FlowCycle cycle = flow_cycle(request, progress);
+  const CycleFigures wanted = figures_of(cycle.vessels[3].mmHg), aorta = figures_of(cycle.aortic_mmHg);
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> waits(0.002, 0.06);
+  const TipPressures fine = readings({}, [](double at_s) { return at_s + 1e-3; });
+  const TipPressures uneven = readings({}, [&](double at_s) { return at_s + waits(random); });
+  // A sample of the beat more or less; at uneven times up to 60 ms apart what lies between is not seen.
+  for (const auto& [told, tolerance_mmHg] : {std::pair{&fine, 0.3}, std::pair{&uneven, 3.0}}) {
+    EXPECT_NEAR(told->tip(0).systolic_mmHg, wanted.most, tolerance_mmHg);
+    EXPECT_NEAR(told->tip(0).diastolic_mmHg, wanted.least, tolerance_mmHg);
+    EXPECT_NEAR(told->tip(0).mean_mmHg, wanted.mean, tolerance_mmHg);
+    EXPECT_NEAR(told->tip_means_mmHg()[0], told->tip(0).mean_mmHg, 1e-12);
+    EXPECT_NEAR(told->aorta().mean_mmHg, aorta.mean, tolerance_mmHg);
+    EXPECT_NEAR(told->tip(1).systolic_mmHg, told->aorta().systolic_mmHg, 1);
+  }
+}
+
+TEST(TipPressures, AreAllTheSameOfASteadyFlow) {
+  const TipPressures steady = readings({.heart_rate_bpm = 0}, [](double at_s) { return at_s + 0.02; });
+  const PressureReading tip = steady.tip(0);
+  EXPECT_NEAR(tip.systolic_mmHg, tip.diastolic_mmHg, 1e-6);
+  EXPECT_NEAR(tip.mean_mmHg, tip.now_mmHg, 1e-6);
+  EXPECT_EQ(in_words({100, 119.6, 71.2, 88}), "120/71 mmHg, mean 88");
+  EXPECT_EQ(TipPressures().tip(0).mean_mmHg, 0);
+}
+
+TEST(InstrumentPressures, AreInTheReportFromTheFirstStepOn) {
+  RunRequest request{.tree = std::make_shared<const VesselTree>(tree()),
+                     .instruments = instruments_named({"microcatheter-27f"}),
+                     .entry = {.end = 1}};
+  request.script = Script::parse("time_s,insertion_mm,rotation_deg\n0,0,0\n2,80,0\n", "test");
+  Progress progress;
+  std::optional<RunMonitor> monitor;
+  run(request, progress, [&](const Instruments& moved, double, const InstrumentPressures& blood) {
+    if (monitor)
+      monitor->add(moved, with_blood({}, request, blood));
+    else
+      monitor.emplace(moved, names_of(request.instruments));
+  });
+  const auto told = nlohmann::json::parse(monitor->json(true))["series"];
+  ASSERT_EQ(told["instruments"][0]["pressure_mmHg"].size(), told["time_s"].size());
+  ASSERT_GE(told["time_s"].size(), 5U);
+  for (const double mmHg : told["instruments"][0]["pressure_mmHg"]) EXPECT_NEAR(mmHg, 90, 5);
+}
 
 TEST(Fillings, GoUpFromTheEntryAndDownToTheTip) {
   EXPECT_EQ(ways(entry(1), tip(3, 40)), (Ways{{1, 0, 100}, {2, 0, 100}, {3, 0, 40}}));

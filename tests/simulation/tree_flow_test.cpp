@@ -142,6 +142,9 @@ TEST(TreeFlow, FollowsAHeartsOwnWaveform) {
   const Cycle renal = flow_in(rest, kRenal), renal_of_more = flow_in(more, kRenal);
   EXPECT_NEAR(renal.mean, 0.095 * kHeartOutput_ml_s, 1e-2 * renal.mean);
   EXPECT_NEAR(renal_of_more.mean, 0.095 * 150, 1e-2 * renal_of_more.mean);
+  // All arteries share what there is as at rest.
+  for (std::size_t b = 0; b < tree.branches().size(); ++b)
+    EXPECT_NEAR(more.rest_ml_s(b) / rest.rest_ml_s(b), 150 / kHeartOutput_ml_s, 1e-9) << b;
   // The same waveform from another instant on is the same beat, later.
   HeartWaveform turned;
   for (int i = 0; i <= 900; ++i)
@@ -434,7 +437,7 @@ TEST(TreeFlow, RefusesOutletsWithoutResistance) {
             "`root_velocity_mm_s` -1: must be above 0 and at most 2000 mm/s");
   EXPECT_EQ(message({.heart = std::make_shared<const HeartWaveform>(
                          HeartWaveform{{{0, 0}, {0.4, -100}, {0.8, 0}}})}),
-            "`heart_waveform`: its mean is -50 ml/s; a heart gives more than 0 and at most 1000 ml/s");
+            "`heart_waveform`: its mean is -50 ml/s; a heart gives 1 to 1000 ml/s: turn the sign");
 }
 
 TEST(RestShare, IsKnownOfArteriesByTheirNames) {

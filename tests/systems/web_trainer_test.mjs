@@ -267,6 +267,7 @@ browser_test("a balloon leaves its stent in the vessel", async (t) => {
   await page.click("#save-report");
   await page.waitForFunction(() => globalThis.saved.length === 2);
   const [csv, json] = await page.evaluate(() => Promise.all(globalThis.saved.map((file) => file.text()))), [treated] = JSON.parse(json).treatments;
+  assert.match(csv, /,1\n$/);
   assert.match(csv, /^time_s,insertion_mm,rotation_deg,inflation_bar\n/);
   assert.ok(Math.abs(treated.largest_bar - 8) < 0.01 && Math.abs(treated.stent_mm - 6) < 0.5, json);
   // The program does the same by the run that was saved.
@@ -300,7 +301,7 @@ browser_test("a coil is pushed into an aneurysm and detached there", async () =>
   await page.keyboard.press("Tab");
   await reads(page, "#live-readout", /^coil-6x20.*coil of 6 by 200 mm: 0 mm in the aneurysm/);
   assert.equal(await page.$eval("#detach", (button) => button.getAttribute("aria-disabled")), "true");
-  await page.click("#detach"); // in vain
+  await page.click("#detach"); // in vain: it is not to be had yet
   await page.focus("#stage");
   await page.keyboard.down("x");
   await page.keyboard.down("ArrowUp");
@@ -644,7 +645,7 @@ browser_test("a step is short", async (t) => {
     const bytes = await inflated(code), setup = new Float64Array((await inflated(data)).slice(first, first + count)), least = [Infinity, Infinity];
     for (let times = 0; times < 3; ++times) { // the least of which other programs disturbed least
       const from_ms = performance.now(), simulation = await globalThis.simulated.Simulation.of(bytes, setup), opened_ms = performance.now();
-      for (let k = 0; k < 4000; ++k) simulation.follow(Float64Array.of(0.1 * k, 0, 0, 0));
+      for (let k = 0; k < 4000; ++k) simulation.follow(Float64Array.of(0.1 * k, 0, 0, 0, 0));
       [(performance.now() - opened_ms) / 4000, opened_ms - from_ms].forEach((ms, i) => (least[i] = Math.min(least[i], ms)));
     }
     return least;

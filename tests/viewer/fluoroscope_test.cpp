@@ -504,9 +504,11 @@ TEST(DisplayChain, TheTemporalFilterReducesNoise) {
     display.show({noise, field, field}, {.measured = 0, .open = 2}, false, true, grey.data());
   }
   shown.assign(grey.begin(), grey.end());
-  // Edge enhancement of 0.7 against the mean of nine: 1.7^2 - 2 (1.7)(0.7)/9 + 0.7^2 / 9; the filter's weight
-  // of 0.4 leaves 0.4 / 1.6; greys are 255 / 2.4 a unit of the logarithm.
-  const double edge = 1.7 * 1.7 - 2 * 1.7 * 0.7 / 9 + 0.49 / 9;
+  // Edge enhancement by s of the mean of nine pixels less that of n: 1 + (2 s + s^2) (1/9 - 1/n), and less
+  // where it is cut off: there are 0.033 of standard deviation for 0.1. The filter's weight of 0.4 leaves
+  // 0.4 / 1.6; greys are 255 / 2.4 a unit of the logarithm.
+  const double s = EdgeEnhancement::kStrength, side = 2 * EdgeEnhancement(size, 0.2).reach() + 1;
+  const double edge = 1 + (2 * s + s * s) * (1.0 / 9 - 1 / (side * side));
   const double expected = std::pow(0.1 * 255 / 2.4, 2) * edge * 0.4 / 1.6;
   // 4,096 values: 2 %, and rounding; what is taken for lines that move by chance takes another tenth.
   EXPECT_NEAR(statistics_of(shown).variance / expected, 1.1, 0.09);

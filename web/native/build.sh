@@ -31,6 +31,7 @@ sources="
   viewer/xraycast/fluoroscope/detected_spectrum viewer/xraycast/fluoroscope/detector_view
   viewer/xraycast/display/cell_ramps viewer/xraycast/display/display_chain viewer/xraycast/display/display_loops
   viewer/xraycast/display/display_window viewer/xraycast/display/dynamic_range
+  viewer/xraycast/display/edge_enhancement
   viewer/xraycast/display/starved_pixels viewer/xraycast/display/temporal_filter
   viewer/xraycast/fluoroscope/electronics_stage
   viewer/xraycast/fluoroscope/exposure viewer/xraycast/fluoroscope/exposure_control

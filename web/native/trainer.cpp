@@ -84,6 +84,7 @@ EMSCRIPTEN_KEEPALIVE void trainer_advance(int steps) { trainer->advance(steps); 
 /// instrument the tip in mm, and force in N and torque in N m at the hub.
 EMSCRIPTEN_KEEPALIVE void trainer_follow() {
   const xraycast::Instruments& instruments = trainer->instruments();
+  if (numbers.size() != xraycast::kPoseNumbers * instruments.count()) return;
   std::vector<xraycast::HubPose> poses;
   constexpr std::size_t kNumbers = xraycast::kPoseNumbers;
   for (std::size_t d = 0; d < instruments.count(); ++d)

@@ -21,7 +21,8 @@ import type { Picture } from "./picture";
 import type { Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
 import { Loads, LoadChart } from "./load_chart";
-import { PressureChart, PressureReading, Pressures } from "./pressure_chart";
+import type { PressureReading } from "./live_message";
+import { PressureChart, Pressures } from "./pressure_chart";
 import { Treating, state_of } from "./treating";
 import { TrainerLink, TrainerWorker } from "./trainer";
 
@@ -30,6 +31,7 @@ const element = <T extends HTMLElement>(id: string) => document.getElementById(i
 const kAlive_ms = 250; // between messages of the page that steers, also while nothing changes
 const kReadout_ms = 200;
 const kKept_s = 10; // of loads
+const kSamples = 240; // that charts have of them
 
 const kNoPressure: PressureReading = { now_mmHg: 0, systolic_mmHg: 0, diastolic_mmHg: 0, mean_mmHg: 0 };
 
@@ -58,12 +60,25 @@ export class LastLoads {
   }
 
   of(hub: number): Loads {
-    const { times_s } = this, now = times_s.length - 1, { force_N, torque_mNm } = this.loads[hub]!;
-    return { instrument: this.names[hub]!, force_N, torque_mNm, now, length_s: now > 0 ? times_s[now]! - times_s[0]! : 0 };
+    const { times_s } = this, last = times_s.length - 1, force_N = this.even(this.loads[hub]!.force_N), torque_mNm = this.even(this.loads[hub]!.torque_mNm);
+    return { instrument: this.names[hub]!, force_N, torque_mNm, now: force_N.length - 1, length_s: last > 0 ? times_s[last]! - times_s[0]! : 0 };
   }
 
   pressures(hub: number): Pressures {
-    return { instrument: this.names[hub]!, aortic_mmHg: this.aortic_mmHg, ...this.loads[hub]! };
+    const { tip_mmHg, reading } = this.loads[hub]!;
+    return { instrument: this.names[hub]!, aortic_mmHg: this.even(this.aortic_mmHg), tip_mmHg: this.even(tip_mmHg), reading };
+  }
+
+  /** At even times, whenever messages came. */
+  private even(values: readonly number[]): number[] {
+    const { times_s } = this, last = times_s.length - 1;
+    if (last < 1) return [...values];
+    let next = 0;
+    return Array.from({ length: kSamples }, (_, i) => {
+      const time_s = times_s[0]! + ((times_s[last]! - times_s[0]!) * i) / (kSamples - 1);
+      while (next < last && times_s[next]! < time_s) ++next;
+      return values[next]!;
+    });
   }
 
   private drop_first(): void {

@@ -1,6 +1,13 @@
 // What the server tells of a live session, once a frame (viewer/xraycast/trainer/browser_message.hpp).
-import type { PressureReading } from "./pressure_chart";
 import type { Vec3 } from "./vectors";
+
+/** Now, and over the last heartbeat. */
+export interface PressureReading {
+  now_mmHg: number;
+  systolic_mmHg: number;
+  diastolic_mmHg: number;
+  mean_mmHg: number;
+}
 
 export interface LiveInstrument {
   insertion_mm: number;

@@ -1,14 +1,7 @@
 // The pressure of the blood at an instrument's tip and in the aorta, as a pressure line shows it.
 import { fixed } from "./fixed";
+import type { PressureReading } from "./live_message";
 import { draw_strip } from "./strip_chart";
-
-/** Now, and over the last heartbeat. */
-export interface PressureReading {
-  now_mmHg: number;
-  systolic_mmHg: number;
-  diastolic_mmHg: number;
-  mean_mmHg: number;
-}
 
 /** At even times up to now. */
 export interface Pressures {

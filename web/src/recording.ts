@@ -19,6 +19,9 @@ export class Recording {
 
   /** Of a session whose server tells of some steps alone. */
   add({ time_s, instruments }: Pick<LiveMessage, "time_s" | "instruments">): void {
+    const { numbers, width } = this, before = numbers.length - width;
+    const is_other = (d: number) => before >= 0 && instruments[d]!.detach < numbers[before + 1 + kColumns.length * d + kDetach]!;
+    if (instruments.some((_, d) => d < this.hubs && is_other(d))) this.clear(); // an instrument was exchanged
     this.add_row([time_s, ...instruments.flatMap(({ insertion_mm, rotation_deg, inflation_bar, release_mm, detach }) => [insertion_mm, rotation_deg, inflation_bar, release_mm, detach])]);
   }
 

@@ -120,6 +120,7 @@ export class Simulation {
   /** A step to a pose of each hub: an insertion in mm, a rotation in rad, a balloon's pressure in bar, a sheath drawn back in mm, coils that were to be detached. Of each instrument: its tip's x, y, z in mm, force in N and torque in N m. */
   follow(poses: Float64Array): Float64Array {
     const instruments = poses.length / kPoseNumbers;
+    if (!Number.isInteger(instruments)) throw new Error(`a pose has ${kPoseNumbers} numbers`);
     this.put(poses);
     this.calls.trainer_follow();
     const at = this.calls.room_for(5 * instruments);

@@ -13,7 +13,7 @@ const kPercent = 100;
 function coil_state({ loop_mm, length_mm, laid_mm, is_outside }: LiveCoil, packing: number): string {
   const packed = packing > 0 ? `, packing density ${fixed(kPercent * packing, 1)} %` : "";
   if (length_mm === 0) return `no coil: draw the wire back to 0 for the next one${packed}`;
-  return `coil of ${fixed(loop_mm, 0)} by ${fixed(length_mm, 0)} mm: ${fixed(laid_mm, 0)} mm in the aneurysm${is_outside ? "; lead the tip around it into one" : ""}${packed}`;
+  return `coil of ${Number(loop_mm.toFixed(1))} by ${fixed(length_mm, 0)} mm: ${fixed(laid_mm, 0)} mm in the aneurysm${is_outside ? "; lead the tip around it into one" : ""}${packed}`;
 }
 
 /** How its balloon, stent or coil is; null where it has none. `packing`: of the sac with the most coils. */
@@ -43,7 +43,7 @@ export class Treating {
       this.mm.value = String(Math.max(Number(this.mm.value), this.released_mm)); // it does not go back over the stent
       this.order({ sheath: { instrument: this.hub, mm: Number(this.mm.value) } });
     });
-    this.detach.addEventListener("click", () => this.order({ detach: { instrument: this.hub } }));
+    this.detach.addEventListener("click", () => this.detach.getAttribute("aria-disabled") === "false" && this.order({ detach: { instrument: this.hub } }));
     element("fold").addEventListener("click", () => {
       this.bar.value = "0";
       this.order({ balloon: { instrument: this.hub, bar: 0 } });

@@ -12,9 +12,9 @@ inline constexpr double kBloodDensity_kg_m3 = 1060, kBloodViscosity_Pa_s = 3.5e-
 struct Blood {
   /// Of the tree's root, a mean over a heartbeat, unless the root's name tells its flow. 5 l/min through an
   /// aorta of 25 mm are 170 mm/s, and the mean velocities in the arteries that leave it are similar (Caro et
-  /// al., The Mechanics of the Circulation, 2012).
+  /// al., The Mechanics of the Circulation, 2012). Of another output of the heart it is in proportion to it.
   double root_velocity_mm_s = 170;
-  double heart_rate_bpm = 70;  ///< 0: steady flow; with a waveform it has none to say
+  double heart_rate_bpm = 70;  ///< 0: steady flow; without effect where there is a waveform
   /// A bifurcation into vessels without names divides the flow by this power of their radii. 2 keeps the
   /// velocity, as in large arteries; arterioles follow Murray's cube (Zamir, The Physics of Pulsatile Flow,
   /// 2000).

@@ -33,7 +33,7 @@ struct FlowCycle {
     std::vector<double> ml_s;
     std::vector<double> mmHg;  ///< at its end
   };
-  std::vector<double> time_s;       ///< since the ejection began
+  std::vector<double> time_s;       ///< since the ejection began, or the waveform
   std::vector<double> aortic_mmHg;  ///< before the root
   double heart_ml_s = 0;            ///< the heart's output
   std::vector<Vessel> vessels;      ///< of every branch

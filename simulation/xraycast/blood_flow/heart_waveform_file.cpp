@@ -5,39 +5,51 @@
 #include "xraycast/blood_flow/heart_waveform.hpp"
 
 #include <string_view>
+#include <utility>
 
 namespace xraycast {
 namespace {
 
-/// Two numbers in a line; false for every other line.
+/// Two numbers in a line without blanks around it; false for every other line.
 bool parse_sample(std::string_view line, HeartWaveform::Sample& sample) {
-  const std::string_view both = trimmed(line);
-  const std::size_t first_end = both.find_first_of(", \t");
+  const std::size_t first_end = line.find_first_of(", \t");
   if (first_end == std::string_view::npos) return false;
-  std::string_view rest = trimmed(both.substr(first_end));
+  std::string_view rest = trimmed(line.substr(first_end));
   if (!rest.empty() && rest.front() == ',') rest = trimmed(rest.substr(1));
-  return parse_whole(both.substr(0, first_end), sample.time_s) && parse_whole(rest, sample.ml_s);
+  return parse_whole(line.substr(0, first_end), sample.time_s) && parse_whole(rest, sample.ml_s);
+}
+
+/// Of columns.
+bool has_names(std::string_view line) {
+  const char first = line.front();
+  return (first >= 'a' && first <= 'z') || (first >= 'A' && first <= 'Z') || first == '"' || first == '#';
 }
 
 }  // namespace
 
 HeartWaveform HeartWaveform::parse(const std::string& text, const std::string& origin) {
-  HeartWaveform waveform;
+  std::vector<Sample> samples;
   std::string_view rest = text;
+  if (rest.starts_with("\xEF\xBB\xBF")) rest.remove_prefix(3);  // the byte order mark that spreadsheets write
+  bool is_first = true;
   for (int line_number = 1; !rest.empty(); ++line_number) {
-    const std::string_view line = take_line(rest);
-    if (trimmed(line).empty()) continue;
+    const std::string_view line = trimmed(take_line(rest));
+    if (line.empty() || (std::exchange(is_first, false) && has_names(line))) continue;
     Sample sample;
-    if (parse_sample(line, sample))
-      waveform.samples.push_back(sample);
-    else if (line_number > 1)
-      throw InputError("{}: line {}: \"{}\" is not a time in s and a flow in ml/s, such as 0.12,310", origin,
-                       line_number, excerpt(trimmed(line)));
+    if (!parse_sample(line, sample))
+      throw InputError("{}: line {}: \"{}\" must be a time in s and a flow in ml/s, such as 0.12,310", origin,
+                       line_number, excerpt(line));
+    samples.push_back(sample);
   }
-  if (!waveform.samples.empty()) {
-    const double first_s = waveform.samples.front().time_s;
-    for (Sample& sample : waveform.samples) sample.time_s -= first_s;
+  return of(std::move(samples), origin);
+}
+
+HeartWaveform HeartWaveform::of(std::vector<Sample> samples, const std::string& origin) {
+  if (!samples.empty()) {
+    const double first_s = samples.front().time_s;
+    for (Sample& sample : samples) sample.time_s -= first_s;
   }
+  HeartWaveform waveform{std::move(samples)};
   check(waveform, origin);
   return waveform;
 }

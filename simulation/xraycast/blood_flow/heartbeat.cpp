@@ -25,7 +25,6 @@ Heartbeat::Heartbeat(double rate_bpm) {
   ejection_s_ = std::clamp(weissler_s(rate_bpm), 0.1, kLongestShare * period_s_);
 }
 
-/// It ejects where the flow is above a tenth of its peak, all around the peak.
 Heartbeat::Heartbeat(const HeartWaveform& waveform) : period_s_(waveform.period_s()) {
   const double mean_ml_s = waveform.mean_ml_s();
   double ejected_s = 0;

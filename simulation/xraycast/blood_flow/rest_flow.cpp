@@ -63,9 +63,9 @@ double root_flow_ml_s(const VesselTree& tree, const Blood& blood) {
   constexpr double kMl_per_mm3 = 1e-3;
   const double share = rest_share(root.name);
   const double radius_mm = root.points.front().radius_mm, output_ml_s = heart_output_ml_s(blood);
-  const double ml_s = share > 0
-                          ? share * output_ml_s
-                          : kMl_per_mm3 * std::numbers::pi * radius_mm * radius_mm * blood.root_velocity_mm_s;
+  const double ml_s = share > 0 ? share * output_ml_s
+                                : kMl_per_mm3 * std::numbers::pi * radius_mm * radius_mm *
+                                      blood.root_velocity_mm_s * output_ml_s / kHeartOutput_ml_s;
   return std::min(ml_s, output_ml_s);
 }
 

@@ -177,10 +177,10 @@ void TreeFlow::begin() {
         peak_ml_s_[b] = std::max({peak_ml_s_[b], std::abs(start_ml_s(b)), std::abs(end_ml_s(b))});
     }
     if (n > 0) continue;
-    // The aorta goes to where it is at the end of diastole by the windkessel's time constant: begin there.
+    // The aorta goes to where it is as a beat begins by the windkessel's time constant: begin there.
     const double left = std::exp(-heart_.period_s() / kWindkessel_s);
-    const double diastolic_mmHg = rest_mmHg + (aortic_mmHg() - rest_mmHg) / (1 - left);
-    settle(output_ml_s_ * (diastolic_mmHg - kVenous_mmHg) / (rest_mmHg - kVenous_mmHg));
+    const double begin_mmHg = rest_mmHg + (aortic_mmHg() - rest_mmHg) / (1 - left);
+    settle(output_ml_s_ * (begin_mmHg - kVenous_mmHg) / (rest_mmHg - kVenous_mmHg));
   }
 }
 

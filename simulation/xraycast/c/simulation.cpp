@@ -19,7 +19,7 @@ struct xrc_simulation {
   xraycast::Instruments instruments;
   std::optional<xraycast::BodyClock> clock;  ///< of a body that moves
   std::vector<std::string> modes;            ///< of its motion
-  /// Of these the pressures and sheaths alone.
+  /// Of these the pressures, sheaths and detachments alone.
   std::array<xraycast::HubPose, xraycast::Instruments::kMaxCount> wanted;
   mutable std::vector<glm::dvec3> nodes_mm;
   mutable std::vector<xraycast::InstrumentContact> contacts;
@@ -176,6 +176,14 @@ const xrc_simulation& with(const xrc_simulation* simulation, std::size_t instrum
   const std::size_t count = given(simulation, "simulation").instruments.count();
   if (instrument >= count) throw InputError("instrument: {}, of {} counted from 0", instrument, count);
   return *simulation;
+}
+
+/// Those of the simulation, whose wire that is.
+const Instruments& with_coils(const xrc_simulation* simulation, std::size_t instrument) {
+  const Instruments& instruments = with(simulation, instrument).instruments;
+  if (!instruments.coil_pusher(instrument).has_coils())
+    throw InputError("instrument: {} has no coils", instrument);
+  return instruments;
 }
 
 double not_negative(double value, const char* name) {
@@ -346,20 +354,26 @@ xrc_status xrc_inflate(xrc_simulation* simulation, size_t instrument, double bar
 
 xrc_status xrc_detach(xrc_simulation* simulation, size_t instrument) {
   return status_of([&] {
-    const Instruments& instruments = with(simulation, instrument).instruments;
-    if (!instruments.coil_pusher(instrument).has_coils())
-      throw InputError("instrument: {} has no coils", instrument);
+    with_coils(simulation, instrument);
     ++simulation->wanted[instrument].detach;
   });
 }
 
 xrc_status xrc_get_coil(const xrc_simulation* simulation, size_t instrument, xrc_coil* coil) {
   return status_of([&] {
-    const Instruments& instruments = with(simulation, instrument).instruments;
+    const Instruments& instruments = with_coils(simulation, instrument);
     const std::optional<PushedCoil> pushed = instruments.pushed_coil(instrument);
-    const auto state = coil_of(instruments, instrument);
-    given(coil, "coil") = {pushed ? pushed->model.length_mm : 0, pushed ? pushed->laid_mm : 0,
-                           state ? state->detached : 0, state ? state->packing : 0};
+    const RunRecord::Coil state = coil_of(instruments, instrument).value();
+    xrc_coil& to = given(coil, "coil");
+    to = {};
+    to.detached = state.detached;
+    to.packing = state.packing;
+    if (!pushed) return;
+    to.loop_mm = pushed->model.loop_mm;
+    to.length_mm = pushed->model.length_mm;
+    to.laid_mm = pushed->laid_mm;
+    to.is_outside = !pushed->is_in_sac && pushed->out_mm >= 0;
+    to.can_be_detached = pushed->can_be_detached();
   });
 }
 

@@ -71,6 +71,7 @@ void InstrumentPressures::take_vessels(const Instruments& instruments) {
 
 void InstrumentPressures::advance(const Instruments& instruments, double time_s, const Injection& injection) {
   constexpr double kRounding_s = 1e-9, kFilledEvery_s = 0.01;  // in which a hub moves by a millimetre at most
+  if (!readings_.are_read()) readings_.add(time_s, flow_, tips_of(instruments));
   if (time_s - time_s_ < TreeFlow::kLongestStep_s - kRounding_s) return;
   if (filled_s_ < 0 || time_s - filled_s_ >= kFilledEvery_s - kRounding_s) {
     take_vessels(instruments);

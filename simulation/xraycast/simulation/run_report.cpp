@@ -188,7 +188,9 @@ void RunReport::add_series(const Instruments& instruments) {
     values.torque_Nm.push_back(load.torque_Nm);
     values.wall_N.push_back(ways_[d].wall_N);
     ways_[d].wall_N = 0;
-    if (d < figures_.use.tips_mmHg.size()) values.mmHg.push_back(figures_.use.tips_mmHg[d]);
+    // Before a heartbeat was seen values are as its mean.
+    if (d < figures_.use.tips_mmHg.size())
+      values.mmHg.resize(series_.time_s.size(), figures_.use.tips_mmHg[d]);
   }
 }
 

@@ -39,7 +39,7 @@ struct RunUse {
   std::optional<double> dap_Gycm2{};      ///< dose-area product
   std::optional<double> contrast_ml{};
   std::vector<Embolised> embolised{};  ///< by particles in it
-  std::vector<double> tips_mmHg{};  ///< pressure at each instrument's tip, its mean over the last heartbeat
+  std::vector<double> tips_mmHg{};     ///< see TipPressures::tip_means_mmHg
 };
 
 /// What was done to a vessel in a run so far.

@@ -25,7 +25,10 @@ std::vector<InstrumentTip> tips_of(const Instruments& instruments) {
 }
 
 void TipPressures::add(double time_s, const TreeFlow& flow, const std::vector<InstrumentTip>& tips) {
+  constexpr double kRounding_s = 1e-9;
   const double beat_s = flow.heart().period_s();
+  if (!are_read()) first_s_ = time_s;
+  has_beat_ = time_s - first_s_ >= beat_s - kRounding_s;
   aorta_.add(time_s, flow.aortic_mmHg(), beat_s);
   tips_.resize(tips.size());
   for (std::size_t d = 0; d < tips.size(); ++d)
@@ -34,15 +37,20 @@ void TipPressures::add(double time_s, const TreeFlow& flow, const std::vector<In
 
 std::vector<double> TipPressures::tip_means_mmHg() const {
   std::vector<double> means_mmHg;
+  if (!has_beat_) return means_mmHg;
   for (const Line& line : tips_) means_mmHg.push_back(line.mean_mmHg());
   return means_mmHg;
 }
 
 void TipPressures::Line::add(double time_s, double mmHg, double kept_s) {
-  samples_.emplace_back(time_s, mmHg);
-  sum_mmHg_ += mmHg;
-  while (samples_.front().first <= time_s - kept_s) {
-    sum_mmHg_ -= samples_.front().second;
+  samples_.push_back({time_s, mmHg, samples_.empty() ? 0 : time_s - samples_.back().time_s});
+  const auto count = [&](const Sample& sample, double sign) {
+    sum_mmHg_s_ += sign * sample.mmHg * sample.since_s;
+    seconds_ += sign * sample.since_s;
+  };
+  count(samples_.back(), 1);
+  while (samples_.front().time_s <= time_s - kept_s) {
+    count(samples_.front(), -1);
     samples_.pop_front();
   }
 }
@@ -50,8 +58,8 @@ void TipPressures::Line::add(double time_s, double mmHg, double kept_s) {
 PressureReading TipPressures::Line::reading() const {
   if (samples_.empty()) return {};
   const auto [least, most] = std::minmax_element(
-      samples_.begin(), samples_.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-  return {samples_.back().second, most->second, least->second, mean_mmHg()};
+      samples_.begin(), samples_.end(), [](const Sample& a, const Sample& b) { return a.mmHg < b.mmHg; });
+  return {samples_.back().mmHg, most->mmHg, least->mmHg, mean_mmHg()};
 }
 
 }  // namespace xraycast

@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <deque>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace xraycast {
@@ -28,12 +27,14 @@ class TipPressures {
   /// As they are now, at a time not before the last one.
   void add(double time_s, const TreeFlow& flow, const std::vector<InstrumentTip>& tips);
 
+  bool are_read() const { return !tips_.empty(); }
+
   /// All 0 before the first one.
   PressureReading aorta() const { return aorta_.reading(); }
   PressureReading tip(std::size_t instrument) const {
     return instrument < tips_.size() ? tips_[instrument].reading() : PressureReading{};
   }
-  /// Of each instrument's tip, the mean.
+  /// Of each instrument's tip, the mean; none until a whole heartbeat was seen.
   std::vector<double> tip_means_mmHg() const;
 
  private:
@@ -41,13 +42,19 @@ class TipPressures {
    public:
     void add(double time_s, double mmHg, double kept_s);
     PressureReading reading() const;
-    double mean_mmHg() const { return sum_mmHg_ / static_cast<double>(samples_.size()); }
+    /// Over the time that the samples stand for.
+    double mean_mmHg() const { return seconds_ > 0 ? sum_mmHg_s_ / seconds_ : samples_.back().mmHg; }
 
    private:
-    std::deque<std::pair<double, double>> samples_;  ///< times in s and mmHg of the last heartbeat
-    double sum_mmHg_ = 0;
+    struct Sample {
+      double time_s, mmHg, since_s;  ///< since_s: the sample before
+    };
+    std::deque<Sample> samples_;  ///< of the last heartbeat
+    double sum_mmHg_s_ = 0, seconds_ = 0;
   };
   Line aorta_;
+  double first_s_ = 0;
+  bool has_beat_ = false;  ///< a whole one was seen
   std::vector<Line> tips_;
 };
 

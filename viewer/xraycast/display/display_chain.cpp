@@ -3,26 +3,13 @@
 #include "xraycast/display/display_loops.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace xraycast {
 namespace {
 
-// Chosen by eye: units' settings are not published.
-constexpr float kEdgeStrength = 0.7f;
-constexpr float kWindowWidth = 2.4f;  // of the logarithm, from black to white, without compression
-
-/// At an end of a row, beyond which the picture goes on as it ends.
-float sharpened_end(const std::array<const float*, 3>& rows, int column, int width) {
-  std::array<std::array<float, 3>, 3> around{};
-  for (std::size_t j = 0; j < 3; ++j)
-    for (int i = 0; i < 3; ++i)
-      around[j][static_cast<std::size_t>(i)] = rows[j][std::clamp(column + i - 1, 0, width - 1)];
-  float sharpened = 0;
-  sharpened_row(around[0].data(), around[1].data(), around[2].data(), kEdgeStrength, 1, &sharpened);
-  return sharpened;
-}
+/// Of the logarithm, from black to white, without compression; chosen by eye.
+constexpr float kWindowWidth = 2.4f;
 
 /// Blanks what the blades shut off: compressed, the little light behind them and its noise would be bright.
 void blank_row(const float* field, int width, float* picture) {
@@ -34,7 +21,7 @@ void blank_row(const float* field, int width, float* picture) {
 }  // namespace
 
 DisplayChain::DisplayChain(const PictureSize& size, double pixel_mm, double compression)
-    : size_(size), starved_(size), sharpened_(size.pixels()), filter_(size) {
+    : size_(size), starved_(size), edges_(size, pixel_mm), enhanced_(size.pixels()), filter_(size) {
   if (compression > 0) compression_.emplace(size, pixel_mm, compression);
 }
 
@@ -67,9 +54,9 @@ void DisplayChain::show(const Detected& detected, const Levels& levels, bool is_
   if (compresses) compression_->compress(logarithm, detected.left, detected.field, levels);
   const PixelPlane* shown = compresses ? &compression_->picture : &logarithm;
   if (is_processed) {
-    sharpen(*shown);
+    edges_.enhance(*shown, enhanced_);
     if (is_recording) filter_.forget();
-    filter_.add(sharpened_);
+    filter_.add(enhanced_);
     shown = &filter_.average();
   }
   constexpr float kMiddle = 127.5f, kPerLog = 255 / kWindowWidth;
@@ -103,20 +90,6 @@ void DisplayChain::Compression::compress(const PixelPlane& logarithm, const Pixe
     }
   });
   window.follow();
-}
-
-void DisplayChain::sharpen(const PixelPlane& logarithm) {
-  const int width = size_.width;
-  const auto row_at = [&](int j) { return logarithm.data() + size_.row(std::clamp(j, 0, size_.height - 1)); };
-  for_bands(size_, [&](int first, int end) {
-    for (int j = first; j < end; ++j) {
-      const std::array<const float*, 3> rows{row_at(j - 1), row_at(j), row_at(j + 1)};
-      float* const sharp = sharpened_.data() + size_.row(j);
-      sharpened_row(rows[0], rows[1], rows[2], kEdgeStrength, width - 2, sharp + 1);
-      sharp[0] = sharpened_end(rows, 0, width);
-      sharp[width - 1] = sharpened_end(rows, width - 1, width);
-    }
-  });
 }
 
 }  // namespace xraycast

@@ -2,6 +2,7 @@
 
 #include "xraycast/display/display_window.hpp"
 #include "xraycast/display/dynamic_range.hpp"
+#include "xraycast/display/edge_enhancement.hpp"
 #include "xraycast/display/starved_pixels.hpp"
 #include "xraycast/display/temporal_filter.hpp"
 
@@ -57,7 +58,6 @@ class DisplayChain {
     DisplayWindow window;
     PixelPlane picture;  ///< the last frame, compressed
   };
-  void sharpen(const PixelPlane& logarithm);
 
   PictureSize size_;
   int bits_ = 0;
@@ -65,7 +65,8 @@ class DisplayChain {
   std::vector<float> logarithms_;  ///< of every code
   StarvedPixels starved_;
   std::optional<Compression> compression_;
-  PixelPlane sharpened_;
+  EdgeEnhancement edges_;
+  PixelPlane enhanced_;
   TemporalFilter filter_;
 };
 

@@ -7,13 +7,24 @@
 namespace xraycast {
 
 XRAYCAST_WIDE_VECTORS
-void sharpened_row(const float* __restrict above, const float* __restrict row, const float* __restrict below,
-                   float strength, int count, float* __restrict out) {
-  const float own = 1 + strength, around = strength / 9;
+void added_row(const float* __restrict row, int count, float* __restrict sums) {
+  for (int i = 0; i < count; ++i) sums[i] += row[i];
+}
+
+XRAYCAST_WIDE_VECTORS
+void enhanced_row(const float* __restrict row, const float* __restrict near, const float* __restrict wide,
+                  const Enhancement& by, int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] = 0;
+  for (int k = -by.reach; k <= by.reach; ++k) {
+    const float* const column = wide + k;
+    for (int i = 0; i < count; ++i) out[i] += column[i];
+  }
+  const int side = 2 * by.reach + 1;
+  const float per_wide = 1.0f / static_cast<float>(side * side), strength = by.strength, most = by.most;
   for (int i = 0; i < count; ++i) {
-    const float sum = above[i] + above[i + 1] + above[i + 2] + row[i] + row[i + 1] + row[i + 2] + below[i] +
-                      below[i + 1] + below[i + 2];
-    out[i] = own * row[i + 1] - around * sum;
+    const float above = (near[i - 1] + near[i] + near[i + 1]) / 9 - out[i] * per_wide,
+                within = above < -most ? -most : (above > most ? most : above);
+    out[i] = row[i] + strength * within;
   }
 }
 

@@ -6,10 +6,18 @@
 // The display's loops over the pixels of a row, for a compiler to vectorise.
 namespace xraycast {
 
-/// The middle row sharpened by what it has above the mean of its 3 x 3 neighbourhood. Rows have one pixel
-/// more on both sides.
-void sharpened_row(const float* above, const float* row, const float* below, float strength, int count,
-                   float* out);
+/// sums += row
+void added_row(const float* row, int count, float* sums);
+
+/// What EdgeEnhancement adds: up to `most` of a difference, times `strength`; `reach` of the wider mean.
+struct Enhancement {
+  int reach;
+  float strength, most;
+};
+/// A row with what the mean of 3 x 3 pixels has above that of the wider square about it. `near` and `wide`:
+/// sums of columns of 3 and of 2 reach + 1 rows, with `reach` more columns on both sides.
+void enhanced_row(const float* row, const float* near, const float* wide, const Enhancement& by, int count,
+                  float* out);
 
 /// Sums over 3 x 3 pixels. Rows have one pixel more on both sides.
 void summed_row(const float* above, const float* row, const float* below, int count, float* out);

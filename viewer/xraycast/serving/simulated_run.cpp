@@ -45,7 +45,7 @@ SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevi
       device_(std::move(device)),
       entry_(entry_of(request)),
       couplings_(*device_, max_insertions_mm(request.instruments)),
-      bolus_(*tree_),
+      bolus_(*tree_, request.blood),
       contrast_(*tree_),
       moving_(std::move(moving)),
       motion_(request.body.motion),

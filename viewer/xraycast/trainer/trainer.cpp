@@ -56,6 +56,7 @@ Trainer::Trainer(TrainerSetup setup)
       contrast_(*setup_.tree, kAnyAttenuation_per_mm),
       monitor_(instruments_, names_of(setup_.instruments()), progress_of(setup_)) {
   message_.instruments.resize(instruments_.count());
+  pressures_.add(0, bolus_.flow(), tips_of(instruments_));
 }
 
 void Trainer::hold_next_hub() { device_.hold((device_.held() + 1) % instruments_.count()); }
