@@ -171,9 +171,15 @@ class Fluoroscopy(unittest.TestCase):
             # The bar; the first band has 2,058 frequencies, half of them independent, three times: 1.8 %.
             self.assertAlmostEqual(measured[band].mean() / power[band].mean(), 1, delta=0.05, msg=str(nearest))
 
-        # The display: 255 greys on 2.4 of the logarithm, edges enhanced by 0.7 of what 3 x 3 pixels leave.
-        mean_of_nine = (1 + 2 * numpy.cos(2 * math.pi * fx)) * (1 + 2 * numpy.cos(2 * math.pi * fy)) / 9
-        enhanced = power * (1.7 - 0.7 * mean_of_nine) ** 2
+        # The display: 255 greys on 2.4 of the logarithm, edges enhanced by 0.8 of the mean of 3 x 3 pixels less that of 3 mm at the isocentre.
+        reach = round(1.5 / (pixel_mm * preset["source_axis_mm"] / preset["source_detector_mm"]))
+
+        def mean(reach):
+            """Transfer of the mean of a square about a pixel."""
+            along = lambda f: (1 + 2 * sum(numpy.cos(2 * math.pi * k * f) for k in range(1, reach + 1))) / (2 * reach + 1)
+            return along(fx) * along(fy)
+
+        enhanced = power * (1 + 0.8 * (mean(1) - mean(reach))) ** 2
         grey = (255 / 2.4 / mean_kev) ** 2 * enhanced.mean() + 1 / 12
         shown = (picture("a.png", 1) - picture("b.png", 2)) / math.sqrt(2)
         # The logarithm of a noise of 4 % adds 0.3 %.

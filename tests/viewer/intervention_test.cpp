@@ -281,5 +281,37 @@ TEST_F(AtTheTable, TheRoadMapIsTheVesselsOutlineOfAView) {
   EXPECT_TRUE(intervention.road_map(view).empty());
 }
 
+TEST_F(AtTheTable, TheRoadMapStaysAsItWasTakenAndShowsWhatIsTreatedOnceItIsTakenAnew) {
+  VesselBranch narrow;
+  for (int i = 0; i <= 100; ++i) narrow.points.push_back({{0, 0, 2.0 * i}, 2});
+  RunRequest run = run_of({"balloon-6x20"});
+  run.tree = std::make_shared<const VesselTree>(std::vector{narrow}, "narrow");
+  run.script = Script::parse(
+      "time_s,insertion_mm,rotation_deg,inflation_bar\n0,0,0,0\n1.2,120,0,0\n2.1,120,0,9\n2.3,120,0,9\n",
+      "test");
+  Intervention intervention({.run = run});
+  const auto outline_of = [&](const View& view) {
+    const auto outline = intervention.road_map(view);
+    return std::vector<glm::ivec2>(outline.begin(), outline.end());
+  };
+  const CArmPose pose;
+  while (intervention.run().now().instrument(0).balloon_bar < 8.9) watch(intervention, pose, 1);
+  const View view{.centre_mm = intervention.run().now().instrument(0).tip.position_mm,
+                  .width = 400,
+                  .height = 400,
+                  .pixel_mm = 0.1};
+  const std::vector<glm::ivec2> before = outline_of(view);
+  ASSERT_GT(before.size(), 100U);
+  watch(intervention, pose, 2);
+  EXPECT_EQ(outline_of(view), before);
+  intervention.show_road_map(false);
+  intervention.show_road_map(true);
+  const std::vector<glm::ivec2> after = outline_of(view);
+  std::size_t same = 0;
+  for (const glm::ivec2& pixel : before) same += static_cast<std::size_t>(std::ranges::count(after, pixel));
+  EXPECT_LT(same, before.size()) << "the vessel is wider about the balloon";
+  EXPECT_GT(same, before.size() / 4) << "and as it was elsewhere";
+}
+
 }  // namespace
 }  // namespace xraycast::intervention_test

@@ -545,7 +545,7 @@ class Window(unittest.TestCase):
 
     def test_forgets_a_message_with_the_next_key(self):
         self.operate()
-        message = lambda: self.screen().find((255, 255, 255), 975, 565, 290, 50)
+        message = lambda: self.screen().find((255, 255, 255), 975, 553, 290, 60)
         self.session()
         self.wait_until(message, "saved ...")
         self.do("keydown", "Up", "keyup", "Up")
@@ -788,10 +788,10 @@ class Window(unittest.TestCase):
 
     def choose(self, choice):
         """From the list beside the second instrument, which is in the hand, by the number from the top."""
-        self.do("mousemove", 1000, 208, "click", 1)
+        self.do("mousemove", 1000, 274, "click", 1)
         self.frame()
         self.keep_screen("instruments")
-        self.do("mousemove", 1000, 234 + 19 * choice, "click", 1)
+        self.do("mousemove", 1000, 300 + 19 * choice, "click", 1)
         self.frame()
 
     def test_exchanges_a_wire_that_is_drawn_back(self):

@@ -45,9 +45,9 @@ std::vector<InstrumentModel> choices_of(const std::vector<InstrumentModel>& used
   return choices;
 }
 
-/// The vessels in the body at some phases.
-VesselTree tree_at(const RunRequest& run, const std::vector<double>& phases) {
-  return phases.empty() ? *run.tree : moved(*run.tree, run.body.motion->held_at(phases)).vessels;
+/// Vessels in the body at some phases.
+VesselTree tree_at(const RunRequest& run, const VesselTree& tree, const std::vector<double>& phases) {
+  return phases.empty() ? tree : moved(tree, run.body.motion->held_at(phases)).vessels;
 }
 
 std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) {
@@ -72,7 +72,7 @@ std::vector<std::string> Intervention::haptic_names() {
 Intervention::Intervention(const Options& options)
     : options_(checked(options)),
       moving_(SimulatedRun::Moving::of(options.run)),
-      road_map_(tree_at(options.run, phases_at(options.run.body, 0))),
+      road_map_(tree_at(options.run, *options.run.tree, phases_at(options.run.body, 0))),
       choices_(choices_of(options.run.instruments, options.exercise)) {
   start(options.run.script, options.run.instruments);
 }
@@ -194,7 +194,7 @@ std::string Intervention::caption(const CArmPose& now) const {
 }
 
 void Intervention::show_road_map(bool shows) {
-  if (shows && !has_road_map_ && !phases_.empty()) road_map_ = RoadMap(tree_at(options_.run, phases_));
+  if (shows && !has_road_map_) road_map_ = RoadMap(tree_at(options_.run, run_->treated_tree(), phases_));
   has_road_map_ = shows;
 }
 

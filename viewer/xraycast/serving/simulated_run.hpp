@@ -56,6 +56,8 @@ class SimulatedRun {
 
   const CatheterSnapshot& now() const { return *now_; }
   const VesselTree& tree() const { return *tree_; }
+  /// The same as balloons and stents have left it so far.
+  VesselTree treated_tree() const { return treated_ ? treated_->walls.widened(*tree_) : *tree_; }
   HapticDevice& device() { return *device_; }
   std::size_t held_hub() const { return device_->held(); }
   const std::vector<InstrumentModel>& models() const { return *now_->instruments; }  ///< at that time

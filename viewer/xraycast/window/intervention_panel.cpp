@@ -234,14 +234,11 @@ void show_usage(const Viewer& viewer, Intervention& intervention) {
 
 /// One above the other, or side by side where there are more instruments or traces of a body.
 void show_loads(const SimulatedRun& run, std::size_t hub) {
-  const bool is_alone = run.now().count() == 1 && !run.body();
   const float row = ImGui::GetContentRegionAvail().x, gap = ImGui::GetStyle().ItemSpacing.x;
-  const float width = is_alone ? row : (row - gap) / 2, top = ImGui::GetCursorPosY();
+  const float width = (row - gap) / 2, top = ImGui::GetCursorPosY();
   load_chart("force", run, hub, &HubLoad::force_N, 1, "N", width);
-  if (!is_alone) {
-    ImGui::SameLine();
-    ImGui::SetCursorPosY(top);
-  }
+  ImGui::SameLine();
+  ImGui::SetCursorPosY(top);
   load_chart("torque", run, hub, &HubLoad::torque_Nm, 1000, "N mm", width);
   pressure_chart(run, hub);
 }
