@@ -1,6 +1,7 @@
 """The workers: those of a scheduler that runs, or processes of this machine."""
 import contextlib
 import dataclasses
+import gc
 import logging
 import os
 import signal
@@ -41,6 +42,7 @@ def address_of(workers):
     dask.config.set({"distributed.scheduler.allowed-failures": workers.allowed_failures,
                      "distributed.scheduler.worker-ttl": workers.worker_ttl,
                      "distributed.nanny.pre-spawn-environ": _environment()})
+    _close_lost_clients()
     with _ctrl_c_kept_from_children():
         cluster = LocalCluster(n_workers=workers.count, threads_per_worker=1, processes=True, host="127.0.0.1",
                                dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, resources=workers.resources or None)
@@ -52,6 +54,12 @@ def address_of(workers):
     finally:
         with contextlib.suppress(Exception):
             cluster.close(timeout=CLOSE_S)
+
+
+def _close_lost_clients():
+    """Those that did not connect. Dask closes them as they are collected, under the lock that it holds while a cluster or client starts its thread:
+    collected in that thread, both would wait for each other."""
+    gc.collect()
 
 
 def _environment():
@@ -94,6 +102,7 @@ def local_threads(workers):
 
 def connect(address):
     """Raises InputError."""
+    _close_lost_clients()
     try:
         return Client(address, timeout=ANSWER_S, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
