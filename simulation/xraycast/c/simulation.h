@@ -148,13 +148,13 @@ xrc_status xrc_detach(xrc_simulation* simulation, size_t instrument);
 
 /* The coil on a wire, as of the last step. An instrument without coils is an error. */
 typedef struct xrc_coil {
-  double loop_mm;   /* the diameter of its loops */
-  double length_mm; /* 0: there is none; the next one comes as the wire is drawn back to 0 */
-  double laid_mm;   /* of it, in an aneurysm */
+  double loop_mm;      /* the diameter of its loops */
+  double length_mm;    /* 0: there is none; the next one comes as the wire is drawn back to 0 */
+  double laid_mm;      /* of it, in an aneurysm */
   int is_outside;      /* its end is out, but in no aneurysm */
   int can_be_detached; /* all of it lies in an aneurysm */
   int detached;        /* coils of this wire so far */
-  double packing;   /* density, 0 to 1, of the aneurysm in which its last coil lies */
+  double packing;      /* density, 0 to 1, of the aneurysm in which its last coil lies */
 } xrc_coil;
 xrc_status xrc_get_coil(const xrc_simulation* simulation, size_t instrument, xrc_coil* coil);
 
