@@ -25,10 +25,10 @@ std::vector<InstrumentTip> tips_of(const Instruments& instruments) {
 }
 
 void TipPressures::add(double time_s, const TreeFlow& flow, const std::vector<InstrumentTip>& tips) {
-  constexpr double kRounding_s = 1e-9;
+  constexpr double kSameTime_s = 1e-9;
   const double beat_s = flow.heart().period_s();
   if (!are_read()) first_s_ = time_s;
-  has_beat_ = time_s - first_s_ >= beat_s - kRounding_s;
+  has_beat_ = time_s - first_s_ >= beat_s - kSameTime_s;
   aorta_.add(time_s, flow.aortic_mmHg(), beat_s);
   tips_.resize(tips.size());
   for (std::size_t d = 0; d < tips.size(); ++d)
