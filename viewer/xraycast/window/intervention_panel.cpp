@@ -85,7 +85,7 @@ void pressure_chart(const SimulatedRun& run, std::size_t instrument) {
   const std::vector<float> values =
       over_time(run, [&](const SimulatedRun::Load& at) { return at.tips_mmHg[instrument]; });
   float most_mmHg = kMost_mmHg;
-  for (const float mmHg : values) most_mmHg = std::max(most_mmHg, mmHg);
+  for (const float pressure : values) most_mmHg = std::max(most_mmHg, pressure);
   draw_chart("at the tip", in_words(run.pressures().tip(instrument)), values, 0, most_mmHg,
              {ImGui::GetContentRegionAvail().x, kRows * ImGui::GetFontSize()});
 }
