@@ -267,7 +267,6 @@ browser_test("a balloon leaves its stent in the vessel", async (t) => {
   await page.click("#save-report");
   await page.waitForFunction(() => globalThis.saved.length === 2);
   const [csv, json] = await page.evaluate(() => Promise.all(globalThis.saved.map((file) => file.text()))), [treated] = JSON.parse(json).treatments;
-  assert.match(csv, /,1\n$/);
   assert.match(csv, /^time_s,insertion_mm,rotation_deg,inflation_bar\n/);
   assert.ok(Math.abs(treated.largest_bar - 8) < 0.01 && Math.abs(treated.stent_mm - 6) < 0.5, json);
   // The program does the same by the run that was saved.
@@ -318,6 +317,7 @@ browser_test("a coil is pushed into an aneurysm and detached there", async () =>
   await page.click("#save-run");
   const csv = await page.evaluate(() => globalThis.saved[0].text());
   writeFileSync(file("coil.csv"), csv);
+  assert.match(csv, /,1\n$/);
   assert.match(csv, /^time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg,detach_2\n/);
   run("simulate", file("forked"), "--entry", "basilar artery", "--device-model", "microcatheter-24f", "--device-model", "coil-6x20", "--script", file("coil.csv"), "--report", file("coil.json"), "-o", file("coil-loads.csv"));
   const [again] = JSON.parse(readFileSync(file("coil.json"), "utf8")).treatments;
