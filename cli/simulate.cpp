@@ -238,9 +238,8 @@ void simulate(SimulateArguments options, Invocation& invocation) {
   if (!options.pressure_plot.empty())
     check_picture_name(options.pressure_plot, "--pressure-plot " + options.pressure_plot);
   check_cine(options);
-  const Blood with_heart = parse_heart(options.heart);
   RunRequest request = parse_run(options.run, options.tree);
-  request.blood = with_heart;
+  request.blood = parse_heart(options.heart);
   if (exercise) apply(*exercise, options.run, request);
   request.injection = parse_injection(options.injection);
   invocation.say(check(request));

@@ -296,6 +296,21 @@ TEST(Trainer, DetachesACoilInAnAneurysm) {
   }
   const CoilPusher& pusher = trainer.instruments().coil_pusher(1);
   EXPECT_EQ(pusher.detached, 0);
+  const auto told_packing = [&] {
+    float packing = 0;
+    std::memcpy(&packing, trainer.message().substr(24, sizeof packing).data(), sizeof packing);
+    return packing;
+  };
+  const float packed_by_all = told_packing();
+  EXPECT_GT(packed_by_all, 0.05f);
+  for (const double way_mm : {-kStep_mm, kStep_mm}) {
+    for (int step = 0; step < 500; ++step) {
+      wire.insertion_mm += way_mm;
+      trainer.follow(std::vector{catheter, wire});
+    }
+    // A coil that is drawn back takes its share with it: 100 of 300 mm.
+    EXPECT_NEAR(told_packing() / packed_by_all, way_mm < 0 ? 2.0 / 3 : 1, 0.02);
+  }
   trainer.detach(0);  // has none
   trainer.detach(1);
   trainer.advance(1);

@@ -15,7 +15,7 @@ import { ExposurePanel } from "./exposure_panel";
 import type { MaskMatching } from "./fluoroscope";
 import { Fluoroscopy } from "./fluoroscopy";
 import { Recording } from "./recording";
-import { Report, RunReport } from "./report";
+import { Report } from "./report";
 import { save_file } from "./saved_file";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
@@ -165,10 +165,10 @@ export class LiveView {
       compiled: (code, setup) => this.begin_fluoroscopy(code, setup, exposure, link),
       moved: (steps) => this.recording.add_steps(steps),
       reported: (told) => {
-        report.told(this.with_vessels(told));
+        report.told(told);
         exercise?.told(told.exercise);
       },
-      saves: (told) => save_file(new Blob([`${JSON.stringify(this.with_vessels(told))}\n`], { type: "application/json" }), "report.json"),
+      saves: (told) => save_file(new Blob([`${JSON.stringify(told)}\n`], { type: "application/json" }), "report.json"),
       told: (message) => this.told(message), has_role: (role) => this.has_role(role), refused: (why) => this.notes.tell(`${why}.`),
       exchanged: (instrument, choice) => {
         this.live.instruments[instrument] = trainer.choices[choice]!;
@@ -185,12 +185,6 @@ export class LiveView {
       },
     });
     return link;
-  }
-
-  /** The simulation knows vessels by their numbers. */
-  private with_vessels(report: RunReport): RunReport {
-    for (const treatment of report.treatments ?? []) treatment.vessel = this.live.vessels[treatment.branch!] ?? treatment.vessel;
-    return report;
   }
 
   /** The page's own fluoroscope has controls from the start, and makes pictures once its code is there. */

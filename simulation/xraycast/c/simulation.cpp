@@ -372,7 +372,7 @@ xrc_status xrc_get_coil(const xrc_simulation* simulation, size_t instrument, xrc
     to.loop_mm = pushed->model.loop_mm;
     to.length_mm = pushed->model.length_mm;
     to.laid_mm = pushed->laid_mm;
-    to.is_outside = !pushed->is_in_sac && pushed->out_mm >= 0;
+    to.is_outside = pushed->is_outside();
     to.can_be_detached = pushed->can_be_detached();
   });
 }

@@ -18,6 +18,8 @@ struct PushedCoil {
   bool is_in_sac = false;  ///< it can be pushed out there
   /// Of a coil, what may still be in its catheter as it is detached: a hub's motion needs no more decimals.
   static constexpr double kSlack_mm = 0.5;
+  /// Its far end is out, but not where it could be pushed on.
+  bool is_outside() const { return !is_in_sac && out_mm >= 0; }
   bool can_be_detached() const { return laid_mm >= model.length_mm - kSlack_mm; }
 };
 

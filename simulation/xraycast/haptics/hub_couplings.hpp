@@ -39,6 +39,8 @@ class HubCouplings {
 
   /// How many coils of a hub's wire are to be detached so far; see HubPose.
   void detach(std::size_t hub, double count) { wants_detached_[hub].store(count, std::memory_order_relaxed); }
+  /// One more.
+  void detach_next(std::size_t hub) { detach(hub, detachments(hub) + 1); }
   double detachments(std::size_t hub) const { return wants_detached_[hub].load(std::memory_order_relaxed); }
 
   /// Another instrument's hub, at a pose, instead of one; hand, pressure and sheath go on from there. For the

@@ -121,7 +121,6 @@ void RunCine::inject(const Instruments& instruments, double time_s) {
   if (time_s > last_s_) {
     const Injection& injection = options_.injection;
     const double rate_ml_s = outlet ? injection.mean_rate_ml_s(last_s_, time_s) : 0;
-    injected_ml_ += rate_ml_s * (time_s - last_s_);
     bolus_.step(time_s - last_s_, tip, rate_ml_s, injection.agent_mg_ml,
                 injection.particles.through(agent_lumen_mm(instruments)));
   }
@@ -246,7 +245,7 @@ std::vector<std::uint8_t> RunCine::picture() {
 }
 
 RunUse RunCine::use() const {
-  RunUse use{.contrast_ml = injected_ml_};
+  RunUse use{.contrast_ml = 0};  // see with_blood
   const std::optional<ExposureRecord> exposure = acquisition_.record();
   if (!exposure) return use;
   use.fluoroscopy_s = exposure->dose.fluoroscopy_s;

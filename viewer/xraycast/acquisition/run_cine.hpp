@@ -97,7 +97,7 @@ class RunCine {
   long vessel_changes_ = 0;  ///< that pictures show; see Instruments
   SubtractionWindow window_;
   std::vector<float> tau_;
-  double last_s_ = 0, next_flow_s_ = 0, injected_ml_ = 0;
+  double last_s_ = 0, next_flow_s_ = 0;
   double next_s_;  ///< of a frame
   PulseBlur blur_;
   std::vector<std::vector<glm::dvec3>> before_mm_;  ///< the instruments' nodes a step ago

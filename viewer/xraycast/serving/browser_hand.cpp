@@ -49,13 +49,12 @@ class HandMessage {
     const auto field = find(name);
     if (field == json_.end()) return orders;
     HandMessage order(*field);
-    const double missing = std::nan("");
-    const double hub = order.number("instrument", 0, kMaxHubs - 1, missing),
-                 value = order.number(unit, 0, most, missing);
-    if (!order.is_good() || std::isnan(value) || hub != std::floor(hub))
+    const std::size_t hub = order.hub();
+    const double value = order.number(unit, 0, most, std::nan(""));
+    if (!order.is_good() || std::isnan(value))
       is_good_ = false;
     else
-      orders[static_cast<std::size_t>(hub)] = value;
+      orders[hub] = value;
     return orders;
   }
 
@@ -65,11 +64,11 @@ class HandMessage {
     const auto field = find(name);
     if (field == json_.end()) return does;
     HandMessage order(*field);
-    const double hub = order.number("instrument", 0, kMaxHubs - 1, std::nan(""));
-    if (!order.is_good() || hub != std::floor(hub))
-      is_good_ = false;
+    const std::size_t hub = order.hub();
+    if (order.is_good())
+      does[hub] = true;
     else
-      does[static_cast<std::size_t>(hub)] = true;
+      is_good_ = false;
     return does;
   }
 
@@ -108,6 +107,13 @@ class HandMessage {
   }
 
  private:
+  /// For which an order is; it has to be named.
+  std::size_t hub() {
+    const double hub = number("instrument", 0, kMaxHubs - 1, std::nan(""));
+    if (hub != std::floor(hub)) is_good_ = false;
+    return is_good_ ? static_cast<std::size_t>(hub) : 0;
+  }
+
   std::map<std::string, BodyChanges::Hold> holds(const nlohmann::json& modes) {
     constexpr std::size_t kMost = 32;
     std::map<std::string, BodyChanges::Hold> holds;

@@ -95,9 +95,7 @@ class SimulatedRun {
   double sheath_mm(std::size_t instrument) const { return couplings_.sheath_mm(instrument); }
 
   /// Detaches the coil on an instrument's wire, where all of it lies in a sac.
-  void detach(std::size_t instrument) {
-    couplings_.detach(instrument, couplings_.detachments(instrument) + 1);
-  }
+  void detach(std::size_t instrument) { couplings_.detach_next(instrument); }
 
   /// What is counted of the run.
   LiveMonitor& monitor() { return monitor_; }

@@ -33,7 +33,7 @@ class Numbers {
 void add_coil(const std::optional<PushedCoil>& coil, Numbers& numbers) {
   const PushedCoil shown = coil.value_or(PushedCoil{});
   numbers.whole((coil && coil->can_be_detached() ? kCanBeDetached : 0u) |
-                (coil && !coil->is_in_sac && coil->out_mm >= 0 ? kIsOutside : 0u));
+                (coil && coil->is_outside() ? kIsOutside : 0u));
   numbers.real(shown.model.loop_mm);
   numbers.real(shown.model.length_mm);
   numbers.real(shown.laid_mm);

@@ -75,7 +75,7 @@ void Trainer::draw_sheath(std::size_t instrument, double mm) {
 
 void Trainer::detach(std::size_t instrument) {
   if (instrument < instruments_.count() && setup_.choices[setup_.used[instrument]].has_coils())
-    couplings_.detach(instrument, couplings_.detachments(instrument) + 1);
+    couplings_.detach_next(instrument);
 }
 
 void Trainer::exchange(std::size_t instrument, std::size_t choice) {
@@ -148,6 +148,7 @@ std::string Trainer::message() {
     message_.instruments[d].pressure = pressures_.tip(d);
     tell_treating(message_.instruments[d], instruments_.rod(d).instrument(), treating_view(instruments_, d));
   }
+  message_.packing = 0;
   for (const CoilPack& pack : instruments_.coil_packs())
     message_.packing = std::max(message_.packing, pack.packing());
   message_.aortic_mmHg = pressures_.aorta().now_mmHg;

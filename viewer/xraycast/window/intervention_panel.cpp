@@ -157,9 +157,9 @@ void detach_coil(Intervention& intervention, std::size_t number) {
     ImGui::BeginDisabled(!coil->can_be_detached());
     if (ImGui::Button("Detach coil")) intervention.run().detach(number);
     ImGui::EndDisabled();
-    write_wrapped(fmt::format(
-        "coil of {:g} mm by {:g} mm: {:.0f} mm in the aneurysm{}", coil->model.loop_mm, coil->model.length_mm,
-        coil->laid_mm, coil->is_in_sac || coil->out_mm < 0 ? "" : "; lead the tip around it into one"));
+    write_wrapped(fmt::format("coil of {:g} mm by {:g} mm: {:.0f} mm in the aneurysm{}", coil->model.loop_mm,
+                              coil->model.length_mm, coil->laid_mm,
+                              coil->is_outside() ? "; lead the tip around it into one" : ""));
   } else {
     write_wrapped("no coil: draw the wire back to 0 for the next one");
   }
