@@ -95,12 +95,13 @@ constexpr int kFrameLayers = 32;  // with fewer, ribs are blurred
 // view, beyond whose sides the arms reach: they would end there in straight edges.
 constexpr std::array kAngles_deg{0.0, 45.0, 90.0, -30.0};
 
-BodyMap make_map(const SpectralScan& scan, const OutlineFinder& body, int layers, Report& report,
-                 Progress& progress) {
-  BodyMap map = report.timed(fmt::format("cast of {}, 360 angles", pluralize(layers, "layer")),
-                             [&] { return cast({.layers = layers}, scan, body, {}, progress).map; });
+BodyMap make_map(const SpectralScan& scan, const OutlineFinder& body, const CastRequest& request,
+                 Report& report, Progress& progress) {
+  BodyMap map =
+      report.timed(fmt::format("cast of {}, 360 angles", pluralize(request.layers.value_or(1), "layer")),
+                   [&] { return cast(request, scan, body, {}, progress).map; });
   map.source = "thorax phantom";
-  const std::string name = fmt::format("map-{}", layers);
+  const std::string name = fmt::format("map-{}", map.geometry.layers());
   write_body_map(map, report.file(name + ".exr"));
   write_picture(map_preview(map, PreviewWindow::automatic), report.file(name + ".png"));
   return map;
@@ -108,14 +109,12 @@ BodyMap make_map(const SpectralScan& scan, const OutlineFinder& body, int layers
 
 void show_inner_layers(const BodyMap& map, Report& report) {
   const MapGeometry& geometry = map.geometry;
-  const auto share = [&](int k) {
-    return 100 * geometry.radii_mm[static_cast<std::size_t>(k)] / geometry.radius_mm();
-  };
+  const auto radius_mm = [&](int k) { return geometry.radii_mm[static_cast<std::size_t>(k)]; };
   for (const int k : {0, 1, 2}) {
     const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
     write_picture(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
-    report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the radius", k + 1,
-                                     geometry.layers(), share(k), share(k + 1)));
+    report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} mm from the axis", k + 1,
+                                     geometry.layers(), radius_mm(k), radius_mm(k + 1)));
   }
 }
 
@@ -350,10 +349,13 @@ void run_demo(const std::string& folder, Invocation& invocation) {
   body.add(volume.hu());
   const SpectralScan scan{report.timed("scan uploaded to the device", [&] { return upload(device, volume); }),
                           {}};
-  make_map(scan, body, 1, report, progress);
+  make_map(scan, body, {.layers = 1}, report, progress);
   report.picture("map-1.png", "Body map, one layer");
-  show_inner_layers(make_map(scan, body, 8, report, progress), report);
-  const auto layered = std::make_shared<const BodyMap>(make_map(scan, body, kFrameLayers, report, progress));
+  // Circles are what a map's layers look best by; frames, of shells that follow the body.
+  show_inner_layers(make_map(scan, body, {.layers = 8, .outline = ShellOutline::circle}, report, progress),
+                    report);
+  const auto layered =
+      std::make_shared<const BodyMap>(make_map(scan, body, {.layers = kFrameLayers}, report, progress));
   for (const double angle_deg : kAngles_deg)
     make_projection(scan.native, body.finish(), angle_deg, report, progress);
   make_frames(phantom, layered, report);

@@ -22,6 +22,7 @@ OPACITY = xc.Opacity([(0, 0), (4095, 0.1)], "grey")
 CONE_MM = (1040, 1200)  # the bones are 1.02 to 1.07 m from the sources; the detectors' distance is not told
 PLATE_MM = 5
 WRONG_MM = 5
+COMPRESSIONS = (0, 0.6)  # of the display
 SOFTER = 0.86  # pixels of a Gaussian by which our edges are as soft as the X-ray's
 FOREARM = ("rad", "uln")
 
@@ -86,17 +87,16 @@ def ssim(a, b, mask, most):
 # ---- our picture ----------------------------------------------------------------------------------
 
 
-def through_the_chain(tau, dose="cine", seed=1):
-    """The linear codes of a fluoroscope's pulse behind those optical depths: a plate of as many voxels as pixels, in the isocentre."""
+def through_the_chain(tau, dose="cine", seed=1, compression=0):
+    """A fluoroscope's pulse behind those optical depths: a plate of as many voxels as pixels, in the isocentre."""
     rows, columns = tau.shape
     pixel_mm = CONE_MM[1] / 6167  # the focal length in pixels
     voxel_mm = pixel_mm * CONE_MM[0] / CONE_MM[1]
     hu = np.full((rows, 3, columns), -1024.0)
     hu[:, 1] = 1024 * (np.flipud(tau) / PLATE_MM / 0.02 - 1)
     scan = xc.Scan.from_array(np.clip(np.round(hu), -1024, 32767).astype(np.int16), (voxel_mm, PLATE_MM, voxel_mm))
-    frame = scan.project(size=(columns, rows), cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=scan.centre_mm,
-                         fluoroscope=xc.Fluoroscope(dose=dose, seed=seed))
-    return frame.codes.astype(float)
+    return scan.project(size=(columns, rows), cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=scan.centre_mm,
+                        fluoroscope=xc.Fluoroscope(dose=dose, seed=seed, compression=compression))
 
 
 def with_soft_tissue(bones, real, mask):
@@ -180,7 +180,7 @@ def view_of(frame, number):
     depths = -np.log((real + 1) / 256)
     figures, noise = [], [noise_of(real, mask)]
     for bones, softer in ((right, 0), (right, SOFTER), (wrong, 0)):
-        codes = through_the_chain(with_soft_tissue(bones[part], depths, mask))
+        codes = through_the_chain(with_soft_tissue(bones[part], depths, mask)).codes.astype(float)
         if softer:
             codes = blurred(codes, softer)
         found, ours = compare(codes, real, mask)
@@ -190,33 +190,46 @@ def view_of(frame, number):
         if FOLDER and bones is right and not softer:
             sheet = np.clip(np.hstack([real, ours, np.where(mask, ours, real)]), 0, 255).astype(np.uint8)
             Image.fromarray(sheet).save(FOLDER / f"realism-{frame}-{number}.png")
-    return figures, noise
+    shown = [displayed(with_soft_tissue(right[part], depths, mask), real, mask, compression, f"{frame}-{number}")
+             for compression in COMPRESSIONS]
+    return figures, noise, shown
 
 
-def tell(figures, noise):
+def displayed(depths, real, mask, compression, name):
+    """What the display makes of the pulse: as `compare`, then the share of pixels that are black or white."""
+    shown = through_the_chain(depths, compression=compression).shown.astype(float)
+    found, ours = compare(shown, real, mask)
+    if FOLDER:
+        sheet = np.clip(np.hstack([real, shown, ours]), 0, 255).astype(np.uint8)
+        Image.fromarray(sheet).save(FOLDER / f"realism-{name}-shown-{compression}.png")
+    return [*found, np.isin(shown[mask], (0, 255)).mean()]
+
+
+def tell(figures, noise, shown):
     for name, (correlation, gradient, likeness), share in zip(("ours", "blurred", f"{WRONG_MM} mm off"), figures, (*noise[1:], noise[1])):
         print(f"  {name:<9} correlation {correlation:.3f}, gradient correlation {gradient:.3f}, SSIM {likeness:.3f}; "
               f"noise {share:.1%}, the X-ray's {noise[0]:.1%}", flush=True)
+    for compression, (correlation, gradient, likeness, clipped) in zip(COMPRESSIONS, shown):
+        print(f"  displayed, compression {compression}: correlation {correlation:.3f}, gradient correlation {gradient:.3f}, "
+              f"SSIM {likeness:.3f}; black or white {clipped:.2%}", flush=True)
 
 
 def main():
     if not DATA.is_dir():
         print(f"skipped: no {DATA}")
         return 77
-    all_figures, all_noise = [], []
+    views = []
     for frame in POSES:
         for number in (1, 2):
-            figures, noise = view_of(frame, number)
-            all_figures.append(figures)
-            all_noise.append(noise)
+            views.append(view_of(frame, number))
             print(f"frame {frame}, camera {number}")
-            tell(figures, noise)
+            tell(*views[-1])
     print("mean")
-    tell(np.mean(all_figures, 0), np.mean(all_noise, 0))
+    tell(*(np.mean(part, 0) for part in zip(*views)))
     letter = grey_picture(DATA / "xr_rad_uln_cam01_UND.0002.tif")[EDGE]
     low, high = np.percentile(letter, 2), np.percentile(letter, 98)
     y, x = np.indices((96, 96))
-    step = through_the_chain(np.where(x + 0.05 * y > 50, 0.1, 0.1 + np.log(high / low)))[40:56, 36:80]
+    step = through_the_chain(np.where(x + 0.05 * y > 50, 0.1, 0.1 + np.log(high / low))).codes.astype(float)[40:56, 36:80]
     print(f"MTF of an edge is a half at {mtf_half(letter, low, high):.3f} cycles a pixel, ours at "
           f"{mtf_half(step, np.percentile(step, 2), np.percentile(step, 98)):.3f}")
     return 0
