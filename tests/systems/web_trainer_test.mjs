@@ -54,7 +54,7 @@ after(async () => {
   remove_folder();
 });
 
-async function open(name, { width = 900, height = 760, browser = chromium(), touch = false, first = () => {}, hash = "" } = {}) {
+async function open(name, { width = 760, height = 540, browser = chromium(), touch = false, first = () => {}, hash = "" } = {}) {
   const page = await browser.newPage(), failures = [];
   await page.setViewport({ width, height, hasTouch: touch });
   await page.evaluateOnNewDocument(first);
@@ -374,7 +374,7 @@ async function noise_of(page) {
 const numbers_of = (text, pattern) => Number(text.match(pattern)?.[1] ?? NaN);
 
 browser_test("the pedal shows what the detector sees, and counts its dose", async (t) => {
-  const opened = await steer("tasks.html", { width: 900, height: 760, first: keep_files, hash: "#exercise=1&zoom=4" }), { page } = opened;
+  const opened = await steer("tasks.html", { first: keep_files, hash: "#exercise=1&zoom=4" }), { page } = opened;
   const readout = () => page.$eval("#dose-readout", (p) => p.textContent);
   await page.keyboard.press("d");
   await page.keyboard.press("d"); // low
@@ -408,7 +408,7 @@ browser_test("the pedal shows what the detector sees, and counts its dose", asyn
 });
 
 browser_test("a page has the C-arm, dose, pulse rate and compression that it was given", async (t) => {
-  const opened = await steer("mobile.html", { width: 900, height: 760 }), { page } = opened;
+  const opened = await steer("mobile.html"), { page } = opened;
   assert.deepEqual(await page.$$eval("#dose, #compression", (controls) => controls.map(({ value }) => value)), ["0", "0.6"]);
   await page.keyboard.down("x");
   await wait_for_pulses(page, 20);
@@ -429,7 +429,7 @@ browser_test("a page has the C-arm, dose, pulse rate and compression that it was
 });
 
 browser_test("blades shut the beam, and a mask is subtracted", async () => {
-  const opened = await steer("one.html", { width: 900, height: 760, hash: "#zoom=2.5&table=-200" }), { page } = opened;
+  const opened = await steer("one.html", { hash: "#zoom=2.5&table=-200" }), { page } = opened;
   const readout = () => page.$eval("#dose-readout", (p) => p.textContent);
   const both = async () => {
     const text = await readout();

@@ -306,6 +306,33 @@ TEST(DisplayChain, ABodysRangeIsShown) {
   EXPECT_GT(without, 0.05);  // otherwise these bodies prove nothing
 }
 
+/// Where a scan ends in the picture, the open beam lies beside the thickest body, with nothing between.
+TEST(DisplayChain, ABodyThatEndsInThePictureIsShownAsAnyOther) {
+  constexpr int kSide = 480;
+  std::mt19937 random(11);
+  for (std::uint32_t seed = 0; seed < 6; ++seed) {
+    FluoroscopyOptions options;
+    options.c_arm = CArm::named("fixed-single-plane");
+    options.seed = seed;
+    options.compression = 0.6;
+    const View view{.cone = Cone{785, 1200}, .width = kSide, .height = kSide, .pixel_mm = 0.75};
+    const int end = kSide * std::uniform_int_distribution(65, 90)(random) / 100;
+    const std::vector<float> whole = body(seed, kSide);
+    std::vector<float> cut = whole;
+    std::fill(cut.begin() + static_cast<std::ptrdiff_t>(kSide) * end, cut.end(), 0.0f);
+    const auto contrast = [&](const std::vector<float>& tau) {  // of what both bodies have
+      Fluoroscope fluoroscope(options, view, WaterPath(Opacity("water", {{-1000, 0}, {0, 0.02}})));
+      fluoroscope.settle(tau);
+      const std::vector<std::uint8_t> shown = fluoroscope.expose(tau).shown;
+      std::vector<double> greys;
+      for (std::size_t i = 0; i < static_cast<std::size_t>(kSide) * static_cast<std::size_t>(end - 20); ++i)
+        if (cut[i] > 0.5) greys.push_back(shown[i]);
+      return spread_of(greys);
+    };
+    EXPECT_GT(contrast(cut), 0.85 * contrast(whole)) << seed;
+  }
+}
+
 /// Trunks with or without a hip prosthesis of steel or more: a ball and a stem.
 std::vector<float> hip(std::uint32_t seed, int side, bool has_metal) {
   std::mt19937 random(seed);

@@ -144,13 +144,14 @@ TEST(FluoroscopeLimits, TheSignalFallsSmoothlyBetweenTheTablesSteps) {
 
 // ---- blur ---------------------------------------------------------------------------------------------
 
-/// The transfers along a row of the filters before and behind the count.
+/// The transfers along a row of the filters before and behind the count: of a line twice as bright as all
+/// else, beside which no pixel falls so far that it would be bounded.
 struct BlurTransfers {
   std::vector<double> primary, light;
 
   explicit BlurTransfers(BlurStage blur) {
-    std::vector<float> point(kWidth, 0), none(kWidth, 0);
-    point[kWidth / 2] = 1;
+    std::vector<float> point(kWidth, 1);
+    point[kWidth / 2] = 2;
     for (int j = 0; j < kHeight; ++j) {
       // A line down the picture.
       blur.primary.pass_along(j, point.data());
@@ -169,10 +170,36 @@ struct BlurTransfers {
   static double transformed(const std::vector<float>& line, double cycles) {
     double sum = 0;
     for (int i = 0; i < kWidth; ++i)
-      sum += line[static_cast<std::size_t>(i)] * std::cos(2 * std::numbers::pi * cycles * (i - kWidth / 2));
+      sum += (line[static_cast<std::size_t>(i)] - 1) *
+             std::cos(2 * std::numbers::pi * cycles * (i - kWidth / 2));
     return sum;
   }
 };
+
+/// Behind a beam that is 10 to 1000 times as bright, nothing is darker than without it, but for a tenth.
+TEST(FluoroscopeLimits, NothingIsDarkerBesideTheOpenBeam) {
+  constexpr int kWidth = 200, kHeight = 64, kEdge = 120, kRow = 40;
+  for (const std::string& name : CArm::preset_names())
+    for (const double pixel_mm : {0.154, 0.308, 0.5, 0.75, 1.2})
+      for (const float dark : {0.1f, 0.01f, 0.001f})
+        for (const bool is_across : {true, false}) {
+          const PictureSize size{kWidth, kHeight};
+          BlurStage blur(size, pixel_mm, CArm::named(name));
+          std::vector<float> primary(size.pixels()), light(size.pixels());
+          const auto row_of = [&](int j) {
+            std::vector<float> row(kWidth, dark);
+            for (int i = 0; i < kWidth; ++i)
+              if (is_across ? i >= kEdge : j >= kRow) row[static_cast<std::size_t>(i)] = 1;
+            return row;
+          };
+          for (int j = 0; j < kHeight; ++j) blur.primary.pass_along(j, row_of(j).data());
+          for (int j = 0; j < kHeight; ++j) blur.primary.pass_down(j, 1, primary.data() + size.row(j));
+          for (int j = 0; j < kHeight; ++j) blur.scintillate_along(j, primary.data() + size.row(j));
+          for (int j = 0; j < kHeight; ++j) blur.scintillate_down(j, light.data() + size.row(j));
+          EXPECT_GT(std::ranges::min(light), 0.75f * dark)  // of both filters, in both directions
+              << name << ", " << pixel_mm << " mm, " << dark << (is_across ? ", across" : ", along");
+        }
+}
 
 TEST(FluoroscopeLimits, FineAndCoarsePixelsHaveTheAskedMtfAndNoisePower) {
   for (const std::string& name : CArm::preset_names())

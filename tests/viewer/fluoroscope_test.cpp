@@ -524,6 +524,26 @@ TEST(Fluoroscope, TheMeasuringFieldIsShownInMediumGrey) {
   }
 }
 
+TEST(Fluoroscope, AirBesideABodyDoesNotTakeItsExposure) {
+  constexpr int kPixels = 128;
+  for (const double water_cm : {8.0, 16.0, 24.0}) {
+    const auto technique = [&](double body) {  // as wide as a share of the picture
+      std::vector<float> tau = slab(0, kPixels);
+      const std::vector<float> inside = slab(water_cm, kPixels);
+      for (int i = 0; i < kPixels * kPixels; ++i)
+        if (std::abs(2 * (i % kPixels) + 1 - kPixels) < body * kPixels)
+          tau[static_cast<std::size_t>(i)] = inside[0];
+      Fluoroscope fluoroscope(options_with("quanta"), square_view(1, kPixels), ten_per_metre());
+      fluoroscope.settle(tau);
+      return fluoroscope.expose(tau).technique;
+    };
+    const Technique whole = technique(1), narrow = technique(0.2), none = technique(0);
+    EXPECT_NEAR(narrow.kvp, whole.kvp, 1) << water_cm;
+    EXPECT_NEAR(narrow.mas, whole.mas, 0.05 * whole.mas) << water_cm;
+    EXPECT_LT(none.kvp * none.mas, whole.kvp * whole.mas) << "what is open counts where nothing else is there";
+  }
+}
+
 // ---- C-arms and options -------------------------------------------------------------------------------
 
 TEST(CArm, PresetsAreWholeAndFieldsSetTheView) {

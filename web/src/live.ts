@@ -124,7 +124,8 @@ export class LiveView {
   constructor(private readonly live: Live, private readonly trainer: Trainer | null, worker: TrainerWorker | null, motion: Motion | null, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
     private readonly stage: HTMLElement, private readonly redraw: () => void) {
     const names = live.instruments.map(({ name }) => name);
-    for (const id of ["live", "live-keys", "save-run"]) element(id).hidden = false;
+    document.body.classList.add("live");
+    for (const id of ["hand", "live", "live-keys", "save-run"]) element(id).hidden = false;
     element("save-run").addEventListener("click", () => save_file(new Blob([this.recording.csv()], { type: "text/csv" }), "run.csv"));
     this.show_keys(false);
     this.recording = new Recording(names.length);
@@ -316,7 +317,7 @@ export class LiveView {
     this.show_keys(steers);
     const others = browsers > 1 ? `; ${browsers} browsers are connected` : "";
     element("live-role").textContent = (steers ? this.live.has_hub ? "You steer" : "You have pedal and injector" : "You watch; another browser steers") + others;
-    for (const button of element("live").querySelectorAll<HTMLButtonElement | HTMLSelectElement | HTMLInputElement>("button, select, #treating input")) button.disabled = !steers;
+    for (const button of document.querySelectorAll<HTMLButtonElement | HTMLSelectElement | HTMLInputElement>("#hand button, #live button, #live select, #treating input")) button.disabled = !steers;
     if (steers) this.exposure?.show_settings();
     if (steers) this.mix_in(); // what another browser chose is not told
     if (this.trainer) {

@@ -189,7 +189,7 @@ void Fluoroscope::State::collect_light(Use use) {
       const std::size_t at = seen.size.row(j);
       float* const signal = frame.signal_kev.data() + at;
       stages.blur.scintillate_down(j, signal);
-      seen.measured.measure_row(j, signal, seen.field.data() + at);
+      seen.measured.measure_row(j, signal, stages.absorption.share.data() + at, seen.field.data() + at);
       if (use == Use::fills_traps && stages.lag) stages.lag->fill_row(j, signal);
       if (use != Use::read_out) continue;
       if (stages.lag) stages.lag->hold_row(j, signal);

@@ -31,26 +31,36 @@ double MeasuringField::pixels_in(const PixelPlane& field, const PictureSize& siz
   return pixels;
 }
 
-void MeasuringField::measure_row(int j, const float* signal, const float* field) {
+void MeasuringField::Sum::operator+=(const Sum& other) {
+  signal += other.signal;
+  pixels += other.pixels;
+}
+
+void MeasuringField::measure_row(int j, const float* signal, const float* left, const float* field) {
   if (!has_row(j)) return;
-  Sum& band = bands_[static_cast<std::size_t>(j / PictureSize::kBand)];
-  Sum sum = band;
+  constexpr float kOpen = 0.7f;  // some 2 cm of water
+  Sums sums;
   for (int i = first_column_; i < end_column_; ++i) {
     const float share = weight(field[i]);
+    Sum& sum = left[i] < kOpen ? sums.body : sums.open;
     sum.signal += share * signal[i];
     sum.pixels += share * share;
   }
-  band = sum;
+  Sums& band = bands_[static_cast<std::size_t>(j / PictureSize::kBand)];
+  band.body += sums.body;
+  band.open += sums.open;
 }
 
 double MeasuringField::take_mean() {
-  Sum all;
-  for (Sum& band : bands_) {
-    all.signal += band.signal;
-    all.pixels += band.pixels;
+  Sums all;
+  for (Sums& band : bands_) {
+    all.body += band.body;
+    all.open += band.open;
     band = {};
   }
-  return all.signal / all.pixels;
+  constexpr double kLeastShare = 0.02;  // fewer are the rim of a body, or what lies alone in the beam
+  if (all.body.pixels < kLeastShare * all.open.pixels) all.body += all.open;
+  return all.body.signal / all.body.pixels;
 }
 
 }  // namespace xraycast

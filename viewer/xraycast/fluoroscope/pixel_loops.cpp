@@ -28,6 +28,23 @@ inline Eight& eight_at(float* pixels) { return *reinterpret_cast<Eight*>(pixels)
 inline const Eight& eight_at(const float* pixels) { return *reinterpret_cast<const Eight*>(pixels); }
 inline UnalignedFour& four_at(float* pixels) { return *reinterpret_cast<UnalignedFour*>(pixels); }
 
+/// A spread of light never leaves a pixel darker than those about it. A filter of negative weights, which has
+/// the right transfer, would next to a beam that is a hundred times as bright: what it sums is at least
+/// nearly the least of the pixel and both neighbours. Where contrasts are small this changes nothing.
+constexpr float kLeastOfNeighbours = 0.9f;
+
+inline bool rings(const SymmetricTaps& taps) { return *std::min_element(taps.begin(), taps.end()) < 0; }
+
+inline float bounded(float sum, float left, float middle, float right) {
+  return std::max(sum, kLeastOfNeighbours * std::min({left, middle, right}));
+}
+
+inline void bound(Eight& sums, const Eight& left, const Eight& middle, const Eight& right) {
+  const Eight of_both = left < right ? left : right;
+  const Eight least = kLeastOfNeighbours * (of_both < middle ? of_both : middle);
+  sums = sums < least ? least : sums;
+}
+
 inline float sum_of(const Eight& values) {
   return ((values[0] + values[1]) + (values[2] + values[3])) +
          ((values[4] + values[5]) + (values[6] + values[7]));
@@ -99,6 +116,7 @@ XRAYCAST_WIDE_VECTORS
 void filter_row(const float* __restrict padded, const SymmetricTaps& taps, int count, float* __restrict out) {
   const int neighbours = static_cast<int>(taps.size()) - 1;
   const float* const middle = padded + neighbours;
+  const bool is_bounded = rings(taps);
   int i = 0;
   for (; i + kBlock <= count; i += kBlock) {
     Eight sums[kEights];
@@ -108,13 +126,18 @@ void filter_row(const float* __restrict padded, const SymmetricTaps& taps, int c
       const float *const left = middle + i - k, *const right = middle + i + k;
       for (int e = 0; e < kEights; ++e) sums[e] += tap * (eight_at(left + 8 * e) + eight_at(right + 8 * e));
     }
+    if (is_bounded)
+      for (int e = 0; e < kEights; ++e) {
+        const float* const at = middle + i + 8 * e;
+        bound(sums[e], eight_at(at - 1), eight_at(at), eight_at(at + 1));
+      }
     for (int e = 0; e < kEights; ++e) eight_at(out + i + 8 * e) = sums[e];
   }
   for (; i < count; ++i) {
     float sum = taps[0] * middle[i];
     for (int k = 1; k <= neighbours; ++k)
       sum += taps[static_cast<std::size_t>(k)] * (middle[i - k] + middle[i + k]);
-    out[i] = sum;
+    out[i] = is_bounded ? bounded(sum, middle[i - 1], middle[i], middle[i + 1]) : sum;
   }
 }
 
@@ -126,6 +149,7 @@ __attribute__((always_inline)) inline void filtered_column(const float* const* r
                                                            const SymmetricTaps& taps, float weight, int count,
                                                            float* __restrict out) {
   const int neighbours = static_cast<int>(taps.size()) - 1;
+  const bool is_bounded = rings(taps);
   int i = 0;
   for (; i + kBlock <= count; i += kBlock) {
     Eight sums[kEights];
@@ -135,6 +159,12 @@ __attribute__((always_inline)) inline void filtered_column(const float* const* r
       const float *const above = rows[neighbours - k] + i, *const below = rows[neighbours + k] + i;
       for (int e = 0; e < kEights; ++e) sums[e] += tap * (eight_at(above + 8 * e) + eight_at(below + 8 * e));
     }
+    if (is_bounded)
+      for (int e = 0; e < kEights; ++e) {
+        const int at = i + 8 * e;
+        bound(sums[e], eight_at(rows[neighbours - 1] + at), eight_at(rows[neighbours] + at),
+              eight_at(rows[neighbours + 1] + at));
+      }
     for (int e = 0; e < kEights; ++e) {
       const Eight weighted = weight * sums[e];
       eight_at(out + i + 8 * e) = kAdds ? eight_at(out + i + 8 * e) + weighted : weighted;
@@ -144,6 +174,7 @@ __attribute__((always_inline)) inline void filtered_column(const float* const* r
     float sum = taps[0] * rows[neighbours][i];
     for (int k = 1; k <= neighbours; ++k)
       sum += taps[static_cast<std::size_t>(k)] * (rows[neighbours - k][i] + rows[neighbours + k][i]);
+    if (is_bounded) sum = bounded(sum, rows[neighbours - 1][i], rows[neighbours][i], rows[neighbours + 1][i]);
     out[i] = kAdds ? out[i] + weight * sum : weight * sum;
   }
 }

@@ -25,7 +25,8 @@ struct QuantaTable {
 void look_up_row(const QuantaTable& table, const float* tau, int count, float* share, float* mean_kev,
                  float* spread_kev);
 
-/// `padded` has as many pixels before and behind the row as the filter has neighbours.
+/// `padded` has as many pixels before and behind the row as the filter has neighbours. Where weights are
+/// negative, the result is at least 0.9 of the least of a pixel and both neighbours.
 void filter_row(const float* padded, const SymmetricTaps& taps, int count, float* out);
 
 /// The same across rows: rows[0] is the highest, rows[taps.size() - 1] the filtered row's own. `weight` times
