@@ -10,9 +10,12 @@ namespace xraycast {
 namespace {
 
 constexpr const char* kIndexStyle =
-    R"(body { background: #1a1c21; color: #e6e6e6; font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1200px; padding: 0 1em; }
-figure { display: inline-block; margin: 0 1em 1em 0; max-width: 100%; vertical-align: top; }
-img { max-height: 640px; max-width: min(560px, 100%); }
+    R"(body { background: #1a1c21; color: #e6e6e6; font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1240px; padding: 0 1em; }
+main { display: flex; flex-wrap: wrap; gap: 1em; margin-bottom: 1em; }
+figure { margin: 0; max-width: 100%; }
+figcaption { font-size: 14px; }
+img { display: block; height: 360px; max-width: 100%; object-fit: contain; object-position: left; }
+@media (max-width: 600px) { img { height: auto; width: 100%; } }
 a { color: #8cc8ff; }
 iframe { border: 0; height: 46em; max-height: 90vh; width: 100%; }
 td { overflow-wrap: anywhere; padding: .1em 1.5em .1em 0; }
@@ -42,9 +45,10 @@ void write_index_page(const std::string& title, const CaptionedPicture& page,
   std::string html =
       fmt::format("<iframe src=\"{0}\" title=\"{1}\"></iframe>\n<p><a href=\"{0}\">{1}</a></p>\n",
                   in_html(beside_page(page.file)), in_html(page.caption));
+  html += "<main>\n";
   for (const CaptionedPicture& picture : pictures)
     html += figure(beside_page(picture.file), beside_page(picture.cine), picture.caption);
-  html += "<table>\n";
+  html += "</main>\n<table>\n";
   for (const auto& [name, value] : facts)
     html += fmt::format("<tr><td>{}</td><td>{}</td></tr>\n", in_html(name), in_html(value));
   html += "</table>\n<p>Not for clinical use.</p>\n";

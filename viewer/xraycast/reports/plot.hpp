@@ -21,7 +21,7 @@ struct Curve {
 };
 
 /// Curves over common axes, with a legend and round numbers beside the grid, in a picture of 900 x 560
-/// pixels.
+/// pixels. A title that says what the curves are of makes a `y_label` needless.
 RgbPicture plot(const std::string& title, const std::string& x_label, const std::string& y_label,
                 const std::vector<Curve>& curves);
 

@@ -273,7 +273,8 @@ std::string cell(std::string_view tag, std::string_view text) {
 }
 
 template <typename Value>
-std::string row(std::string_view words, const std::vector<SavedRun>& runs, const Value& value) {
+std::string row(std::string_view words, const std::vector<SavedRun>& runs, const Value& value,
+                bool begins_part = false) {
   std::string cells;
   bool is_empty = true;
   for (const SavedRun& run : runs) {
@@ -281,7 +282,9 @@ std::string row(std::string_view words, const std::vector<SavedRun>& runs, const
     is_empty = is_empty && text.empty();
     cells += cell("td", text);
   }
-  return is_empty ? "" : fmt::format("<tr><th scope=\"row\">{}</th>{}</tr>\n", in_html(words), cells);
+  return is_empty ? ""
+                  : fmt::format("<tr{}><th scope=\"row\">{}</th>{}</tr>\n",
+                                begins_part ? " class=\"part\"" : "", in_html(words), cells);
 }
 
 std::string outcome_of(const SavedRun& run) {
@@ -306,7 +309,7 @@ std::string outcomes_of(const std::vector<SavedRun>& runs) {
 }
 
 std::string table_of(const std::vector<SavedRun>& runs) {
-  std::string html = "<div class=\"wide\"><table>\n<tr><th></th>";
+  std::string html = "<div class=\"figures\"><table>\n<tr><th></th>";
   for (const SavedRun& run : runs) html += cell("th", run.name);
   html += "</tr>\n";
   html += row("exercise", runs, [](const SavedRun& run) { return run.exercise; });
@@ -315,18 +318,20 @@ std::string table_of(const std::vector<SavedRun>& runs) {
   for (const Figure& figure : kOfRun)
     html += row(figure.words, runs, [&](const SavedRun& run) { return value_of(run.figures, figure); });
   for (std::size_t d = 0; d < most_instruments(runs); ++d) {
-    html += row(fmt::format("instrument {}", d + 1), runs, [&](const SavedRun& run) {
+    const auto name_of = [&](const SavedRun& run) {
       return d < run.instruments.size() ? run.instruments[d] : std::string();
-    });
+    };
+    html += row(fmt::format("instrument {}", d + 1), runs, name_of, true);
     for (const Figure& figure : kOfInstrument)
       html += row(figure.words, runs, [&](const SavedRun& run) {
         return d < run.of_instruments.size() ? value_of(run.of_instruments[d], figure) : std::string();
       });
   }
   for (std::size_t t = 0; t < most_treatments(runs); ++t) {
-    html += row(fmt::format("treatment {}", t + 1), runs, [&](const SavedRun& run) {
+    const auto name_of = [&](const SavedRun& run) {
       return t < run.treatments.size() ? run.treatments[t] : std::string();
-    });
+    };
+    html += row(fmt::format("treatment {}", t + 1), runs, name_of, true);
     for (const Figure& figure : kOfTreatment)
       html += row(figure.words, runs, [&](const SavedRun& run) {
         return t < run.of_treatments.size() ? value_of(run.of_treatments[t], figure) : std::string();
@@ -337,9 +342,8 @@ std::string table_of(const std::vector<SavedRun>& runs) {
   return html + "</table></div>\n";
 }
 
-std::string picture_of(const std::string& title, const std::string& x, const std::string& y,
-                       const std::vector<Curve>& curves) {
-  const RgbPicture picture = plot(title, x, y, curves);
+std::string picture_of(const std::string& title, const std::string& x, const std::vector<Curve>& curves) {
+  const RgbPicture picture = plot(title, x, "", curves);
   return fmt::format("<img alt=\"{}\" width=\"{}\" height=\"{}\" src=\"data:image/png;base64,{}\">\n",
                      in_html(title), picture.width, picture.height,
                      to_base64(png_bytes(picture.rgb, picture.width, picture.height, 3)));
@@ -362,7 +366,7 @@ std::string plots_over_time(const std::vector<SavedRun>& runs) {
         if (curve.points.size() > 1) curves.push_back(std::move(curve));
       }
     if (!curves.empty())
-      html += picture_of(figure.words, "time (s)", fmt::format("{} ({})", figure.words, figure.unit), curves);
+      html += picture_of(fmt::format("{} ({})", figure.words, figure.unit), "time (s)", curves);
   }
   return html;
 }
@@ -381,7 +385,7 @@ std::string learning_curves(const std::vector<SavedRun>& runs, const std::option
     if (const std::optional<double> value = reference ? value_in(*reference) : std::nullopt)
       curves.push_back({"reference", {{1, *value}, {static_cast<double>(runs.size()), *value}}, {}, 1});
     const std::string unit = *figure.unit ? fmt::format(" ({})", figure.unit) : "";
-    html += picture_of(fmt::format("{} over the runs", figure.words), "run", figure.words + unit, curves);
+    html += picture_of(fmt::format("{} over the runs{}", figure.words, unit), "run", curves);
   };
   const auto in = [](const std::map<std::string, double>& figures, const char* name) {
     const auto at = figures.find(name);
@@ -411,12 +415,16 @@ constexpr const char* kRunsHead =
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
 )";
 constexpr const char* kRunsStyle =
-    R"(body { font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1100px; padding: 0 1em; }
-.wide { overflow-x: auto; }
+    R"(body { font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1500px; padding: 0 1em; }
+main { align-items: flex-start; display: flex; flex-wrap: wrap; gap: 1em 2em; }
+.figures { max-width: 100%; overflow-x: auto; }
+.plots { display: grid; flex: 1 1 340px; gap: 1em; grid-template-columns: repeat(auto-fit, minmax(min(340px, 100%), 1fr)); }
 table { border-collapse: collapse; }
 th, td { border-bottom: 1px solid #8884; padding: .2em 1.2em .2em 0; text-align: left; vertical-align: top; }
+th[scope="row"] { font-weight: normal; }
+.part th, .part td { font-weight: bold; padding-top: 1.2em; }
 td { font-variant-numeric: tabular-nums; }
-img { height: auto; margin: 1em 1em 0 0; max-width: min(520px, 100%); }
+img { height: auto; max-width: 100%; }
 )";
 
 std::string page_of(const std::vector<SavedRun>& runs, const std::optional<SavedRun>& reference,
@@ -424,8 +432,9 @@ std::string page_of(const std::vector<SavedRun>& runs, const std::optional<Saved
   std::vector<SavedRun> all = runs;
   if (reference) all.insert(all.begin(), *reference);
   return html_page(title, kRunsHead, kRunsStyle,
-                   table_of(all) + learning_curves(runs, reference) + plots_over_time(all) +
-                       "<footer><p>Not for clinical use.</p></footer>\n");
+                   "<main>\n" + table_of(all) + "<div class=\"plots\">\n" + learning_curves(runs, reference) +
+                       plots_over_time(all) +
+                       "</div>\n</main>\n<footer><p>Not for clinical use.</p></footer>\n");
 }
 
 std::string quoted(const std::string& text) {
