@@ -11,6 +11,7 @@ import os
 import pathlib
 import random
 import re
+import resource
 import struct
 import subprocess
 import sys
@@ -22,6 +23,7 @@ PROGRAM, COUNT = sys.argv[1], int(sys.argv[2])
 FIRST_SEED = int(sys.argv[3]) if len(sys.argv) > 3 else 0
 C_ARM = pathlib.Path(__file__).resolve().parents[2] / "viewer/c_arms/mobile-intensifier.json"
 MOST_S, MOST_MB, MOST_LINE = 20, 1000, 500
+ENDED_S = 300  # of a program that might go on for ever
 DONE, BAD_INPUT = 0, 3
 
 TREE = '{"branches": [{"id": 0, "parent": -1, "points": [[0, 0, -40, 4], [0, 1, 0, 4], [0, 0, 40, 4]]}]}'
@@ -143,7 +145,8 @@ KINDS = {
 
 def run(words):
     """Status, the longer of its times, its memory, and stderr."""
-    process = subprocess.Popen([PROGRAM, *words.split(), "--quiet"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    process = subprocess.Popen([PROGRAM, *words.split(), "--quiet"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                               preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (ENDED_S, ENDED_S)))
     err = process.stderr.read().decode(errors="replace")
     _, status, usage = os.wait4(process.pid, 0)
     process.stderr.close()

@@ -2,6 +2,7 @@
 
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/casting/key_maps_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -174,6 +175,14 @@ TEST(KeyMaps, AreReadAsTheyWereWritten) {
       EXPECT_EQ(read.keys->keys()[k].channels, map.keys->keys()[k].channels) << k;
     EXPECT_EQ(read.keys->motion, folder / "motion.json");
   }
+}
+
+TEST(KeyMaps, RefuseRowsOfAKeyThatIsNotBeforeThem) {
+  EXPECT_EQ(parse_key_rows("[[-1,0,4],[0,0,4],[1,2,1],[-1,0,4]]", 4, 4, "rows").size(), 4);
+  for (const char* rows : {"[[-1,0,4],[2,0,4],[1,0,4],[0,0,4]]", "[[-1,0,4],[1,0,4],[0,0,4],[0,0,4]]",
+                           "[[-1,0,4],[-2,0,4],[0,0,4],[0,0,4]]", "[[-1,0,4],[-1,1,2],[0,0,4],[0,0,4]]",
+                           "[[3,0,4],[0,0,4],[0,0,4],[0,0,4]]"})
+    EXPECT_THROW(parse_key_rows(rows, 4, 4, "rows"), InputError) << rows;
 }
 
 TEST(KeyMaps, StoreTheirOutlineBehindTheKeys) {

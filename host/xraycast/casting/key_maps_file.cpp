@@ -51,8 +51,9 @@ std::vector<KeyRows> parse_key_rows(const std::string& text, int keys, int heigh
     throw InputError("{} must have the rows of {} keys; cast the map again", name, keys);
   for (int k = 0; k < keys; ++k) {
     const auto& [base, first, count] = all[static_cast<std::size_t>(k)];
+    // Rows that are not its own are looked up from base to base, which must come to an end.
     const bool is_whole = first == 0 && count == height, has_base = base >= 0 && base < k;
-    if (!(is_whole || has_base) || first < 0 || count < 0 || first > height - count)
+    if (!(has_base || (is_whole && base == -1)) || first < 0 || count < 0 || first > height - count)
       throw InputError("{}: {}, {}, {} of key {} is invalid; cast the map again", name, base, first, count,
                        k);
   }
