@@ -207,6 +207,7 @@ browser_test("the report of a run that is saved is that of the script", async (t
 browser_test("an exercise is chosen, followed and done", async () => {
   const opened = await steer("tasks.html", { width: 1280, height: 720 }), { page } = opened;
   await reads(page, "#exercise-task", /^Push the Cobra/);
+  assert.ok(await page.$eval("#stage", (stage) => stage.clientHeight > 0.85 * innerHeight && stage.clientWidth > 0.6 * innerWidth));
   await reads(page, "#exercise-progress", /^▸ in the iliac artery○ higher up$/);
   await screenshot(page, "exercise-first.png");
   await page.evaluate(() => { // what is read out
@@ -295,8 +296,11 @@ browser_test("a sheath is drawn back from all of its stent", async () => {
 browser_test("a coil is pushed into an aneurysm and detached there", async () => {
   const opened = await steer("coil.html", { first: keep_files }), { page } = opened;
   await page.keyboard.down("ArrowUp");
+  await until_at(page, 96);
+  await page.keyboard.down("Shift"); // to before the neck, and not past it however busy the machine is
   await until_at(page, 106);
   await page.keyboard.up("ArrowUp");
+  await page.keyboard.up("Shift");
   await page.keyboard.press("Tab");
   await reads(page, "#live-readout", /^coil-6x20.*coil of 6 by 200 mm: 0 mm in the aneurysm/);
   assert.equal(await page.$eval("#detach", (button) => button.getAttribute("aria-disabled")), "true");
@@ -345,6 +349,7 @@ browser_test("an exercise fits a telephone", async () => {
   assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390); // less a scroll bar
   assert.ok(await page.$eval("#inject", (button) => button.getBoundingClientRect().bottom < innerHeight)); // all that steers is seen at once
   await reads(page, "#exercise-progress", /▸ left renal artery/);
+  assert.ok(await page.$eval("#stage", (stage) => stage.clientHeight > 0.4 * innerHeight)); // and most of it is the picture
   await screenshot(page, "exercise-phone.png");
   await close(opened);
 });
@@ -565,8 +570,9 @@ browser_test("fingers steer on a telephone, and an instrument is exchanged once 
   assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390); // less a scroll bar
   assert.ok(await page.$eval("#inject", (button) => button.getBoundingClientRect().bottom < innerHeight));
   await reads(page, "#note", /^Tap Fluoroscopy to see, and hold Push to advance\.$/);
+  assert.ok(!(await page.$("#pedal.on")));
   await page.tap("#pedal");
-  await page.waitForFunction(() => document.querySelector("#note").hidden);
+  await page.waitForFunction(() => document.querySelector("#note").hidden && document.querySelector("#pedal.on")); // X-rays are on
   await reads(page, "#live-readout", /fluoroscopy \d+ s/);
   const press = async (id) => {
     const { x, y, width, height } = await (await page.$(id)).boundingBox();

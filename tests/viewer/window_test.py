@@ -756,6 +756,13 @@ class Window(unittest.TestCase):
         self.assertIsNotNone(first["exercise"]["limits"][0]["passed_s"])
         self.assertGreater(first["fluoroscopy_s"], 0)
         self.assertGreater(first["air_kerma_mGy"], 0)
+        # A replay is nobody's work: the report stays that of the run before.
+        self.do("key", "Return")
+        self.hold("Up", 0.3)
+        self.do("key", "Return", "key", "l")
+        self.frame()
+        self.do("key", "ctrl+r")
+        self.wait_until(lambda: json.loads((self.folder / "run.json").read_text())["time_s"] > first["time_s"], "the longer run's report")
         self.do("key", "BackSpace")
         self.wait_until(lambda: not words(DONE) and words(XRAYS) < one, "the exercise from its beginning")
         self.do("key", "a")

@@ -10,9 +10,9 @@ const kLimits: Record<string, string> = {
   time_s: "time", fluoroscopy_s: "fluoroscopy time", air_kerma_mGy: "air kerma", dap_Gycm2: "dose-area product", contrast_ml: "contrast agent", force_N: "force at the hub", wall_force_N: "force on the wall",
 };
 
-/** Opens the page anew. */
-function choose(exercise: number): void {
-  history.replaceState(null, "", hash_with_exercise(location.hash, exercise));
+/** Opens the page anew; another exercise where it takes place. */
+function choose(exercise: number, is_another: boolean): void {
+  history.replaceState(null, "", hash_with_exercise(is_another ? "" : location.hash, exercise));
   location.reload();
 }
 
@@ -67,8 +67,8 @@ export class Exercise {
     const choice = element<HTMLSelectElement>("exercise-choice"), number = exercise ? exercises.indexOf(exercise) + 1 : 0;
     choice.append(...exercises.map(({ title }, e) => new Option(`${e + 1}. ${title}`, String(e + 1))), new Option("Steer freely", "0"));
     choice.value = String(number);
-    choice.addEventListener("change", () => choose(Number(choice.value)));
-    element("exercise-again").addEventListener("click", () => choose(number));
+    choice.addEventListener("change", () => choose(Number(choice.value), true));
+    element("exercise-again").addEventListener("click", () => choose(number, false));
     element("exercise").hidden = false;
     element("exercise-task").textContent = exercise?.task ?? "";
     const marks = element("exercise-mark");

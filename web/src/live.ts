@@ -242,6 +242,7 @@ export class LiveView {
     const is_new = message.exposures !== this.exposures;
     this.expose(message);
     if (message.exposes) this.picture.held_pose = null;
+    else if (this.trainer && message.fluoroscopy_s === 0) this.picture.held_pose = null; // there is no image to hold yet
     else if (is_new || !this.picture.held_pose) this.hold();
     if (is_new) {
       this.exposures = message.exposures;
@@ -306,6 +307,7 @@ export class LiveView {
     ].join("  ·  ");
     this.body?.show();
     element("inject").setAttribute("aria-pressed", String(injects));
+    element("pedal").classList.toggle("on", exposes); // by whatever pedal
     element("valve").setAttribute("aria-pressed", String(message.is_valve_locked));
   }
 

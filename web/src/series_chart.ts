@@ -40,9 +40,11 @@ export class SeriesChart {
     text(this.title, left, 12, "--ink", "left");
     text("0 s", left, kHeight - 4, "--faint", "left");
     text(`${end_s.toFixed(0)} s`, width - right, kHeight - 4, "--faint", "right");
+    let name_right = width - right;
     lines.forEach(({ name, values }, d) => {
       const colour = kColours[d % kColours.length]!;
-      text(name, width - right - 120 * (lines.length - 1 - d), 12, colour, "right");
+      text(name, name_right, top + 12, colour, "right");
+      name_right -= context.measureText(name).width + 12;
       context.strokeStyle = style.getPropertyValue(colour);
       context.lineWidth = 1.5;
       context.beginPath();

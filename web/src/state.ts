@@ -23,13 +23,14 @@ export interface State {
   is_bare: boolean; // the picture alone
 }
 
-/** The way from the entry to all targets is seen, with room about it, in a picture that is as high as it is wide; or its beginning, in one that is smaller. */
+/** The way from the entry to all targets is seen, with room about it, in a picture that is as high as it is wide, which shows a quarter more than the body at most; or its beginning. */
 function opening_pose(pose: CArmPose, { centre_mm, radius_mm, half_height_mm }: Bounds, { entry_mm, targets }: ExerciseHeader): CArmPose {
   const kRoom = 1.4, places_mm = [entry_mm, ...targets.map(({ at_mm }) => at_mm)], heights_mm = places_mm.map(([, , z]) => z);
   const lowest_mm = Math.min(...heights_mm), highest_mm = Math.max(...heights_mm), aside_mm = Math.max(...places_mm.map(([x, y]) => Math.hypot(x - centre_mm[0], y - centre_mm[1])));
-  const seen_mm = kRoom * Math.max(highest_mm - lowest_mm, 2 * aside_mm), whole_mm = 2 * Math.max(half_height_mm, radius_mm), zoom = whole_mm / seen_mm;
+  const seen_mm = kRoom * Math.max(highest_mm - lowest_mm, 2 * aside_mm), whole_mm = 2 * Math.max(half_height_mm, radius_mm), zoom = whole_mm / seen_mm, least = 0.8 * pose.zoom, is_seen = zoom * kRoom > 1.1 * least;
   const entry_height_mm = entry_mm[2] - centre_mm[2], ahead_mm = (0.35 * whole_mm) / pose.zoom;
-  return { ...pose, zoom: Math.max(pose.zoom, zoom), table_mm: zoom < pose.zoom ? entry_height_mm - Math.sign(entry_height_mm) * ahead_mm : 0.5 * (lowest_mm + highest_mm) - centre_mm[2] };
+  if (!is_seen) return { ...pose, table_mm: entry_height_mm - Math.sign(entry_height_mm) * ahead_mm };
+  return { ...pose, zoom: Math.max(least, zoom), table_mm: 0.5 * (lowest_mm + highest_mm) - centre_mm[2] };
 }
 
 /** As the session was exported; an exercise opens where it takes place. */

@@ -300,7 +300,7 @@ PulseBlur Viewer::blur_of(const Pane& pane) const {
 void Viewer::follow_tip(const Pane& pane) {
   constexpr double kStill_mm = 0.5;
   const bool keeps_view = console() && (console_->subtracts() || console_->shows_road_map());
-  if (!follows || keeps_view || !(pedal_ || lacks_picture_)) return;
+  if (!follows || !(lacks_picture_ || (pedal_ && !keeps_view))) return;
   CArmPose& pose = session_.pose;
   const glm::dvec3 tip_mm = intervention_->run().now().instrument(intervention_->held_hub()).nodes_mm.back();
   if (glm::distance(tip_mm, followed_mm_) < kStill_mm && pose.zoom == followed_zoom_) return;
@@ -329,20 +329,24 @@ void Viewer::toggle_recording() {
 void Viewer::replay() {
   attempt([&] {
     if (recording_.empty()) throw InputError("there is no recording yet; press Record, then Stop recording");
+    if (!graded_report_) graded_report_ = intervention_->run().monitor().json(true);
     intervention_->replay(recording_, recorded_);
   });
 }
 
 void Viewer::restart_run() {
   lacks_picture_ = true;
+  if (console_) console_->forget_pictures();  // a mask shows the instruments of the run before
+  graded_report_.reset();
   attempt([&] { intervention_->restart(); });
 }
 
 void Viewer::save_report() {
   attempt([&] {
     const fs::path file = report_.empty() ? unused("xraycast-report", ".html") : report_;
-    write_report(file, intervention_->run().monitor().json(true));
+    write_report(file, graded_report_.value_or(intervention_->run().monitor().json(true)));
     message_ = "saved " + fs::absolute(file).string();
+    if (graded_report_) message_ += ", of the run before the replay";
   });
 }
 
