@@ -613,7 +613,7 @@ class Window(unittest.TestCase):
 
     def first_steps(self):
         """The ground of the box over the picture."""
-        return self.screen().at(252, 170) == self.screen().at(252, 225)
+        return self.screen().at(252, 365) == self.screen().at(252, 420)
 
     def test_begins_with_four_lines_of_help(self):
         self.viewer = subprocess.Popen([PROGRAM, "view", FILES / "map.exr", "--vessels", FILES / "truth", "--simulate"],

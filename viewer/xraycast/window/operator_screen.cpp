@@ -252,12 +252,15 @@ void list_targets(const ExerciseState& state) {
   if (count > kMostShown) write_in(kDim, fmt::format("{} of {} reached", next, count));
 }
 
+int decimals_of(double limit) { return limit < 10 ? 2 : limit < 100 ? 1 : 0; }
+
 /// What was passed or entered, and how far the others are.
 void list_limits(const ExerciseState& state) {
   for (const ExerciseState::Limit& limit : state.limits)
     write_in(limit.passed_s ? kXrays : kDim,
              fmt::format("{} {} of {:g}", words_of_limit(limit.name),
-                         limit.value ? fmt::format("{:.3g}", *limit.value) : "-", limit.limit));
+                         limit.value ? fmt::format("{:.{}f}", *limit.value, decimals_of(limit.limit)) : "-",
+                         limit.limit));
   constexpr std::size_t kMostShown = 3;  // the last ones
   const std::size_t count = state.forbidden_entries.size();
   for (std::size_t e = count - std::min(count, kMostShown); e < count; ++e)
@@ -306,7 +309,7 @@ void draw_first_steps(const OperatorState& state, const Viewer::Pane& picture) {
   steps.push_back({"I", "hold it for contrast agent, which shows the vessels"});
   steps.push_back({"H", "lists all keys; A shows all controls. Any key closes this"});
   ImGui::SetNextWindowPos({static_cast<float>(picture.x) + 0.5f * static_cast<float>(picture.width),
-                           0.3f * static_cast<float>(picture.height)},
+                           0.6f * static_cast<float>(picture.height)},  // below a task's words
                           ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::Begin("first steps", nullptr,
                ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoInputs);
