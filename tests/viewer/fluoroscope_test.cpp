@@ -540,7 +540,8 @@ TEST(Fluoroscope, AirBesideABodyDoesNotTakeItsExposure) {
     const Technique whole = technique(1), narrow = technique(0.2), none = technique(0);
     EXPECT_NEAR(narrow.kvp, whole.kvp, 1) << water_cm;
     EXPECT_NEAR(narrow.mas, whole.mas, 0.05 * whole.mas) << water_cm;
-    EXPECT_LT(none.kvp * none.mas, whole.kvp * whole.mas) << "what is open counts where nothing else is there";
+    EXPECT_LT(none.kvp * none.mas, whole.kvp * whole.mas)
+        << "what is open counts where nothing else is there";
   }
 }
 

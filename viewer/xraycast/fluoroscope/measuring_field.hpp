@@ -5,16 +5,16 @@
 namespace xraycast {
 
 /// The pixels whose mean signal the exposure control follows, in every n-th row: those of the middle half of
-/// both sides that are in the open field, or where there is none all, by their share of the field. Pixels that
-/// the beam reaches with no body before them count only where the field has no others: they would blacken the
-/// body beside them.
+/// both sides that are in the open field, or where there is none all, by their share of the field. Pixels
+/// that the beam reaches with no body before them count only where the field has no others: they would
+/// blacken the body beside them.
 class MeasuringField {
  public:
   /// `field`: the share of the beam that reaches each pixel. Throws InputError where it reaches none.
   MeasuringField(const PixelPlane& field, const PictureSize& size);
 
-  /// Adds a row of the signal to its band's sums; bands on any threads. `left` is the share of the beam behind
-  /// the body.
+  /// Adds a row of the signal to its band's sums; bands on any threads. `left` is the share of the beam
+  /// behind the body.
   void measure_row(int j, const float* signal, const float* left, const float* field);
 
   /// The mean signal of what was measured since the last call.

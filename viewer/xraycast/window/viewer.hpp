@@ -220,8 +220,8 @@ class Viewer {
   std::optional<View> adapted_to_;  ///< the view that the grey window was chosen for
   std::filesystem::path recording_, report_;
   std::optional<std::string> graded_report_;  ///< of the run before its replay, which is nobody's work
-  std::vector<InstrumentModel> recorded_;  ///< the instruments of that recording
-  int width_ = 0, height_ = 0;             ///< of the last frame
+  std::vector<InstrumentModel> recorded_;     ///< the instruments of that recording
+  int width_ = 0, height_ = 0;                ///< of the last frame
   int reserved_right_ = 0, reserved_below_ = 0;
   double frame_ms_ = 0;
 
