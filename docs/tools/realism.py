@@ -190,8 +190,8 @@ def view_of(frame, number):
         if FOLDER and bones is right and not softer:
             sheet = np.clip(np.hstack([real, ours, np.where(mask, ours, real)]), 0, 255).astype(np.uint8)
             Image.fromarray(sheet).save(FOLDER / f"realism-{frame}-{number}.png")
-    shown = [displayed(with_soft_tissue(right[part], depths, mask), real, mask, compression, f"{frame}-{number}")
-             for compression in COMPRESSIONS]
+    ours = with_soft_tissue(right[part], depths, mask)
+    shown = [displayed(ours, real, mask, compression, f"{frame}-{number}") for compression in COMPRESSIONS]
     return figures, noise, shown
 
 

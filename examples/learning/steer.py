@@ -100,7 +100,6 @@ class Policy:
             self.fork = None  # the way was only curved
         is_aimed = seen.bend_deg <= FORK_DEG or abs(seen.off_aim_deg(self.aside_deg)) <= AIMED_DEG
         push = 1.0 if is_aimed else SLOWLY
-        turn = seen.turn_to_aim(self.aside_deg, TURN_PER_DEG) if seen.bend_deg > 0.6 * FORK_DEG else 0.0
         self.stuck = self.stuck + 1 if push == 1 and self.last_mm - seen.left_mm < 0.1 else 0
         if seen.left_mm > self.best_mm + LOST_MM:
             self.begin(self.draw_back, seen)
@@ -109,7 +108,10 @@ class Policy:
             self.begin(self.push_wire, seen)
             self.fork_mm = seen.cobra_mm
         stays_behind = seen.wire_mm + 0.75 * push * MOST_PUSH_MM <= max(0.0, seen.cobra_mm - BEHIND_MM) + 6
-        return push, turn, push if stays_behind else 0.0, 0.0
+        return push, self.turn_at_fork(seen), push if stays_behind else 0.0, 0.0
+
+    def turn_at_fork(self, seen: Seen) -> float:
+        return seen.turn_to_aim(self.aside_deg, TURN_PER_DEG) if seen.bend_deg > 0.6 * FORK_DEG else 0.0
 
     def has_selected(self, seen: Seen) -> bool:
         return self.fork is not None and seen.way @ self.fork < np.cos(np.radians(SELECTED_DEG)) and seen.tip @ seen.way > 0.6
@@ -127,7 +129,7 @@ class Policy:
         self.count += 1
         if self.count == TURNS:
             self.begin(self.push, seen)
-        return 0.0, seen.turn_to_aim(self.aside_deg, TURN_PER_DEG) if seen.bend_deg > 0.6 * FORK_DEG else 0.0, 0.0, 0.0
+        return 0.0, self.turn_at_fork(seen), 0.0, 0.0
 
     # ---- the wire ---------------------------------------------------------------------------------
 

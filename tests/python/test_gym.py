@@ -1,8 +1,8 @@
 """The Gymnasium environment; skipped where Gymnasium is not installed."""
 import importlib.util
 import json
-import pathlib
 import os
+import pathlib
 import pickle
 import shutil
 import subprocess

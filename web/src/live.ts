@@ -241,8 +241,8 @@ export class LiveView {
   private show(message: LiveMessage): void {
     const is_new = message.exposures !== this.exposures;
     this.expose(message);
-    if (message.exposes) this.picture.held_pose = null;
-    else if (this.trainer && message.fluoroscopy_s === 0) this.picture.held_pose = null; // there is no image to hold yet
+    const has_image = !this.trainer || message.fluoroscopy_s > 0; // that can be held
+    if (message.exposes || !has_image) this.picture.held_pose = null;
     else if (is_new || !this.picture.held_pose) this.hold();
     if (is_new) {
       this.exposures = message.exposures;

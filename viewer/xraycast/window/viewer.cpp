@@ -329,8 +329,9 @@ void Viewer::toggle_recording() {
 void Viewer::replay() {
   attempt([&] {
     if (recording_.empty()) throw InputError("there is no recording yet; press Record, then Stop recording");
-    if (!graded_report_) graded_report_ = intervention_->run().monitor().json(true);
+    std::string report = graded_report_ ? *graded_report_ : intervention_->run().monitor().json(true);
     intervention_->replay(recording_, recorded_);
+    graded_report_ = std::move(report);
   });
 }
 
@@ -344,7 +345,7 @@ void Viewer::restart_run() {
 void Viewer::save_report() {
   attempt([&] {
     const fs::path file = report_.empty() ? unused("xraycast-report", ".html") : report_;
-    write_report(file, graded_report_.value_or(intervention_->run().monitor().json(true)));
+    write_report(file, graded_report_ ? *graded_report_ : intervention_->run().monitor().json(true));
     message_ = "saved " + fs::absolute(file).string();
     if (graded_report_) message_ += ", of the run before the replay";
   });
