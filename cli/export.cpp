@@ -5,6 +5,7 @@
 #include "options/scene_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/casting/key_maps.hpp"
@@ -15,6 +16,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <initializer_list>
 #include <memory>
 
@@ -89,6 +91,36 @@ std::vector<InstrumentModel> parse_devices(const std::string& list) {
   return for_option("--devices", [&] { return instruments_named(names); });
 }
 
+/// Those that are given, and all JSON files of folders, by their names.
+std::vector<std::filesystem::path> exercise_files(const std::vector<std::string>& given) {
+  std::vector<std::filesystem::path> files;
+  for (const std::filesystem::path path : given) {
+    std::error_code error;
+    if (!std::filesystem::is_directory(path, error)) {
+      files.push_back(path);
+      continue;
+    }
+    const auto first = static_cast<std::ptrdiff_t>(files.size());
+    for (const auto& entry : std::filesystem::directory_iterator(path))
+      if (has_extension(entry.path().string(), ".json")) files.push_back(entry.path());
+    if (std::ssize(files) == first)
+      throw InputError("--exercise {}: holds no JSON file; give an exercise", path.string());
+    std::sort(files.begin() + first, files.end());
+  }
+  return files;
+}
+
+/// Notes are on entries: each exercise has its own.
+void check_entries(RunRequest run, const std::vector<Exercise>& exercises, Invocation& invocation) {
+  if (exercises.empty()) return invocation.say(check(run));
+  check(run);
+  for (const Exercise& exercise : exercises) {
+    run.entry = exercise.entry;
+    run.instruments = instruments_named(exercise.instruments);
+    invocation.say(check(run));
+  }
+}
+
 /// The page simulates by itself.
 void add_trainer(const ExportArguments& options, const ViewSession& scene, ExportRequest& request,
                  Invocation& invocation) {
@@ -96,10 +128,11 @@ void add_trainer(const ExportArguments& options, const ViewSession& scene, Expor
   given.script.clear();
   given.body = {};
   const RunRequest run = parse_run(given, scene.vessels);
-  invocation.say(check(run));
-  make_steered(request, run, parse_devices(options.devices), options.fluoroscope);
   std::vector<Exercise> exercises;
-  for (const std::string& file : options.exercises) exercises.push_back(read_exercise(file, *run.tree));
+  for (const std::filesystem::path& file : exercise_files(options.exercises))
+    exercises.push_back(read_exercise(file, *run.tree));
+  check_entries(run, exercises, invocation);
+  make_steered(request, run, parse_devices(options.devices), options.fluoroscope);
   add_exercises(request, exercises);
 }
 
@@ -198,11 +231,12 @@ void add_export(CLI::App& app, Invocation& invocation) {
                    "or JSON files, with commas between them")
       ->type_name("LIST");
   command
-      ->add_option("--exercise", options->exercises,
-                   "With --live: a task to choose in the page (docs/exercises.md), with its own instruments. "
-                   "Repeat it for several")
+      ->add_option(
+          "--exercise", options->exercises,
+          "With --live: a task to choose in the page (docs/exercises.md), with its own instruments, or a "
+          "folder of them. Repeat it for several")
       ->allow_extra_args(false)
-      ->type_name("JSON");
+      ->type_name("JSON|DIR");
   add_page_fluoroscope_options(*command, options->fluoroscope);
   command
       ->add_option("--precision", options->precision,

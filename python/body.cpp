@@ -188,9 +188,8 @@ FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const
 }
 
 nb::bytes preview_png(const HeldBody& body) {
-  const MapGeometry& geometry = body.map->geometry;
-  const std::vector<std::uint8_t> greys = preview_of(*body.map, PreviewWindow::automatic);
-  const std::string bytes = png_bytes(greys, geometry.width, geometry.height * geometry.layers(), 1);
+  const RgbPicture preview = map_preview(*body.map, PreviewWindow::automatic);
+  const std::string bytes = png_bytes(preview.rgb, preview.width, preview.height, 3);
   return nb::bytes(bytes.data(), bytes.size());
 }
 
@@ -350,9 +349,9 @@ void add_body(nb::module_& module) {
             return picture_array(map_preview(*self.map, parse_preview_window(preview_window)));
           },
           nb::kw_only(), nb::arg("preview_window") = "auto", kShared,
-          "The layers, innermost on top, with their radii and scales: (rows, columns, 3) uint8.\n\n"
+          "The layers, the innermost first, with their radii and scales: (rows, columns, 3) uint8.\n\n"
           "preview_window: of greys, auto: from the map's values; paper: the transmission, unscaled.")
-      .def("_repr_png_", preview_png, "PNG for notebooks: the layers, innermost on top.")
+      .def("_repr_png_", preview_png, "PNG for notebooks: the layers, as preview().")
       .def("__repr__", [](const HeldBody& b) {
         const MapGeometry& g = b.map->geometry;
         return text_object(fmt::format("<xraycast.BodyMap of {}: {} layers of {} angles x {} rows>",

@@ -16,7 +16,8 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
       ->required()
       ->type_name("MAP.exr");
   CLI::Option* preview =
-      command.add_option("--preview", output.preview, "Also write a picture of the layers, innermost on top")
+      command
+          .add_option("--preview", output.preview, "Also write a picture of the layers, the innermost first")
           ->type_name("IMAGE");
   command
       .add_option("--preview-window", output.window,

@@ -130,6 +130,15 @@ TEST(Advice, SuggestsCineForSubtractionAtALowerDose) {
   EXPECT_THAT(advice_on(state), IsEmpty());
 }
 
+TEST(Advice, TellsWhyNothingIsInjected) {
+  OperatorState state = at_the_table();
+  state.injects = true;
+  state.has_agent_outlet = false;
+  EXPECT_THAT(advice_on(state), ElementsAre(HasSubstr("draw the wire back")));
+  state.has_agent_outlet = true;
+  EXPECT_THAT(advice_on(state), IsEmpty());
+}
+
 TEST(Advice, LeadsThroughTheMask) {
   OperatorState state = at_the_table();
   state.dose = DoseLevel::cine;

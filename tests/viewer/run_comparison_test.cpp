@@ -46,7 +46,7 @@ TEST(SavedRun, HasWhatWasReported) {
   using Outcome = std::pair<std::string, std::string>;
   EXPECT_THAT(run.outcomes, testing::ElementsAre(Outcome{"left renal artery", "7.8 s"},
                                                  Outcome{"forbidden: aorta", "3.0 s"},
-                                                 Outcome{"limit passed: force_N", "2.0 s"}));
+                                                 Outcome{"limit passed: force at the hub of 1 N", "2.0 s"}));
   EXPECT_EQ(run.curves[0].at("force_N").size(), 3);
 }
 
@@ -94,7 +94,7 @@ TEST(Runs, AreReadAsTheyWereWritten) {
   ASSERT_TRUE(again.reference);
   EXPECT_EQ(again.reference->name, "best");
   write_runs(file("one.json"), {runs[0]});
-  EXPECT_EQ(read_runs(file("one.json")).runs[0].name, "a");
+  EXPECT_EQ(read_runs(file("one.json")).runs[0].name, "run-comparison-one");
   EXPECT_FALSE(read_runs(file("one.json")).reference);
 }
 

@@ -127,9 +127,12 @@ TEST(Trainer, ExposesAtThePulseRateAndReportsTheDose) {
   };
   EXPECT_NEAR(go(60, 34), 30.6, 1);  // two seconds of messages that come at another rate
   EXPECT_EQ(go(10, 100), 10u);       // no more than there are messages
-  trainer.count_dose(1.5, 0.25);
+  trainer.count_dose(1.25, 1.5, 0.25);
+  trainer.advance(40);
+  EXPECT_FLOAT_EQ(head_of(trainer.message()).fluoroscopy_s, 1.25f);  // the rest was cine
   trainer.advance(1);
   const RunUse& use = trainer.monitor().report().figures().use;
+  EXPECT_EQ(use.fluoroscopy_s, 1.25);
   EXPECT_EQ(use.air_kerma_mGy, 1.5);
   EXPECT_EQ(use.dap_Gycm2, 0.25);
 }

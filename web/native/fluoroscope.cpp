@@ -26,6 +26,7 @@ void count_skipped(const xraycast::DoseRecord& before, double pulses) {
   const xraycast::DoseRecord now = console->dose();
   skipped.air_kerma_mGy += pulses * (now.air_kerma_mGy - before.air_kerma_mGy);
   skipped.dap_Gycm2 += pulses * (now.dap_Gycm2 - before.dap_Gycm2);
+  skipped.fluoroscopy_s += pulses * (now.fluoroscopy_s - before.fluoroscopy_s);
   skipped.images += static_cast<long long>(pulses) * (now.images - before.images);
 }
 
@@ -37,6 +38,7 @@ void tell() {
              console->kerma_rate(),
              dose.air_kerma_mGy + skipped.air_kerma_mGy,
              dose.dap_Gycm2 + skipped.dap_Gycm2,
+             dose.fluoroscopy_s + skipped.fluoroscopy_s,
              static_cast<double>(dose.images + skipped.images),
              console->is_saturated() ? 1.0 : 0.0,
              console->is_masking() ? 1.0 : 0.0,
@@ -109,8 +111,8 @@ EMSCRIPTEN_KEEPALIVE void fluoroscope_match_masks(int mode, bool wraps, double c
 /// A pulse through the rays. The room holds the numbers of its view (pulse_view_of), the pulses since the
 /// last one that was drawn, the pause before it in s, below 0 where there was none, how fast the body moves,
 /// and the phases of its modes. Then it holds voltage in kV, mAs, the rate of air kerma in mGy/min; air kerma
-/// in mGy, dose-area product in Gy cm2 and recorded images of all pulses; and 1 where the detector is
-/// saturated, a mask is taken, vessels were opacified, and their road map is shown.
+/// in mGy, dose-area product in Gy cm2, fluoroscopy time in s and recorded images of all pulses; and 1 where
+/// the detector is saturated, a mask is taken, vessels were opacified, and their road map is shown.
 EMSCRIPTEN_KEEPALIVE const char* fluoroscope_expose() {
   return failure_of([] {
     const std::span<const double> told = numbers;

@@ -34,8 +34,8 @@ EMSCRIPTEN_KEEPALIVE void trainer_hold(double push, double turn, bool is_slow, b
   trainer->hold({push, turn, is_slow, pedal, injects});
 }
 EMSCRIPTEN_KEEPALIVE void trainer_pulse_rate(double per_s) { trainer->set_pulse_rate(per_s); }
-EMSCRIPTEN_KEEPALIVE void trainer_dose(double air_kerma_mGy, double dap_Gycm2) {
-  trainer->count_dose(air_kerma_mGy, dap_Gycm2);
+EMSCRIPTEN_KEEPALIVE void trainer_dose(double fluoroscopy_s, double air_kerma_mGy, double dap_Gycm2) {
+  trainer->count_dose(fluoroscopy_s, air_kerma_mGy, dap_Gycm2);
 }
 /// Of a body in motion: a mode is held, at a phase unless that is below 0, or goes on.
 EMSCRIPTEN_KEEPALIVE const char* trainer_hold_mode(std::size_t mode, bool holds, double phase) {

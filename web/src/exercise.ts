@@ -6,9 +6,11 @@ import { hash_with_exercise } from "./address";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
-const kLimits: Record<string, string> = {
-  time_s: "time", fluoroscopy_s: "fluoroscopy time", air_kerma_mGy: "air kerma", dap_Gycm2: "dose-area product", contrast_ml: "contrast agent", force_N: "force at the hub", wall_force_N: "force on the wall",
+const kLimits: Record<string, readonly [words: string, unit: string]> = {
+  time_s: ["time", "s"], fluoroscopy_s: ["fluoroscopy", "s"], air_kerma_mGy: ["air kerma", "mGy"], dap_Gycm2: ["dose-area product", "Gy cm²"], contrast_ml: ["contrast agent", "ml"], force_N: ["force at the hub", "N"],
+  wall_force_N: ["force on the wall", "N"],
 };
+const digits_of = (limit: number) => (limit < 10 ? 2 : limit < 100 ? 1 : 0);
 
 /** Opens the page anew; another exercise where it takes place. */
 function choose(exercise: number, is_another: boolean): void {
@@ -26,6 +28,19 @@ function show_items(list: HTMLElement, items: readonly { words: string; kind: st
   while (list.children.length > items.length) list.lastElementChild!.remove();
 }
 
+const words_of_limit = (name: string) => kLimits[name] ?? ([name, ""] as const);
+
+/** What is left of the limits, and where not to go: it changes all the time, and is not read out. */
+function show_rules({ limits, forbidden }: ExerciseReport): void {
+  show_items(element("exercise-rules"), [
+    ...limits.map(({ name, limit, largest, passed_s }) => {
+      const [words, unit] = words_of_limit(name);
+      return { words: `${words} ${largest === undefined || largest === null ? "at most" : `${fixed(largest, digits_of(limit))} of`} ${limit} ${unit}`, kind: passed_s === null ? "" : "fault" };
+    }),
+    ...(forbidden.length === 0 ? [] : [{ words: `keep out of: ${forbidden.join(", ")}`, kind: "" }]),
+  ]);
+}
+
 /** What became of each target, and of forbidden vessels and limits; returns which target is next, -1 for none. */
 function show_progress(report: ExerciseReport): number {
   const next = report.targets.findIndex(({ reached_s }) => reached_s === null);
@@ -33,8 +48,9 @@ function show_progress(report: ExerciseReport): number {
   show_items(element("exercise-progress"), [
     ...report.targets.map(({ name, reached_s }, t) => (reached_s === null ? item(`${t === next ? "▸" : "○"} ${name}`, t === next ? "next" : "") : item(`✓ ${name}: ${fixed(reached_s, 1)} s`, "done"))),
     ...report.forbidden_entries.map(({ name, time_s }) => item(`✗ ${name} entered: ${fixed(time_s, 1)} s`, "fault")),
-    ...report.limits.filter(({ passed_s }) => passed_s !== null).map(({ name, limit, passed_s }) => item(`✗ ${kLimits[name] ?? name} above ${limit}${name.includes("_") ? ` ${name.slice(name.lastIndexOf("_") + 1)}` : ""}: ${fixed(passed_s!, 1)} s`, "fault")),
+    ...report.limits.filter(({ passed_s }) => passed_s !== null).map(({ name, limit, passed_s }) => item(`✗ ${words_of_limit(name)[0]} above ${limit} ${words_of_limit(name)[1]}: ${fixed(passed_s!, 1)} s`, "fault")),
   ]);
+  show_rules(report);
   const result = element("exercise-result"), words = report.is_passed ? "Passed." : "Complete, but not passed: see what is marked ✗.";
   result.hidden = !report.is_complete;
   if (result.textContent !== words) result.textContent = words;

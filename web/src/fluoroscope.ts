@@ -61,6 +61,7 @@ export interface Exposed {
   kerma_mGy_min: number;
   air_kerma_mGy: number;
   dap_Gycm2: number;
+  fluoroscopy_s: number;
   images: number;
   is_saturated: boolean;
   is_masking: boolean; // pulses are taken for a mask
@@ -114,9 +115,9 @@ export class Fluoroscope {
       for (let i = 0, from = stride * width * (height - 1 - j); i < width; ++i, from += stride) rays[to++] = depths[from]!;
     this.put([v.lao_rad, v.cranial_rad, ...v.centre_mm, width, height, v.pixel_mm, v.cone?.source_axis_mm ?? 0, v.cone?.source_detector_mm ?? 0, count, pause_s ?? -1, motion.speed, ...motion.phases]);
     this.check(calls.fluoroscope_expose());
-    const kNumbers = 10, [kvp, mas, kerma_mGy_min, air_kerma_mGy, dap_Gycm2, images, saturated, masking, angiogram, road_map] = new Float64Array(calls.memory.buffer, calls.room_for(kNumbers), kNumbers);
+    const kNumbers = 11, [kvp, mas, kerma_mGy_min, air_kerma_mGy, dap_Gycm2, fluoroscopy_s, images, saturated, masking, angiogram, road_map] = new Float64Array(calls.memory.buffer, calls.room_for(kNumbers), kNumbers);
     return {
-      kvp: kvp!, mas: mas!, kerma_mGy_min: kerma_mGy_min!, air_kerma_mGy: air_kerma_mGy!, dap_Gycm2: dap_Gycm2!, images: images!,
+      kvp: kvp!, mas: mas!, kerma_mGy_min: kerma_mGy_min!, air_kerma_mGy: air_kerma_mGy!, dap_Gycm2: dap_Gycm2!, fluoroscopy_s: fluoroscopy_s!, images: images!,
       is_saturated: saturated === 1, is_masking: masking === 1, has_angiogram: angiogram === 1,
       has_lost_road_map: this.settings!.shows_road_map && road_map !== 1,
     };

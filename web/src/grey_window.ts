@@ -31,9 +31,9 @@ export function metal_from(sorted: Float32Array): number {
   return rise / kPerDepth;
 }
 
-/** From slightly below a picture's darkest to its lightest value, on a scale of twice the depth of its denser parts; metal is left out. */
-export function automatic_window(tau: Float32Array): GreyWindow {
-  const kMatter = 0.05, kHeadroom = 1.15;
+/** From slightly below a picture's darkest to its lightest value, or that of the body alone, on a scale of twice the depth of its denser parts; metal is left out. */
+export function automatic_window(tau: Float32Array, is_of_body = false): GreyWindow {
+  const kMatter = 0.05, kHeadroom = 1.15, kLightest = 0.1;
   const first_above = (depths: Float32Array, least: number): number => {
     const found = depths.findIndex((depth) => depth > least);
     return found < 0 ? depths.length : found;
@@ -41,7 +41,7 @@ export function automatic_window(tau: Float32Array): GreyWindow {
   const whole = tau.slice().sort(), sorted = whole.subarray(0, first_above(whole, metal_from(whole.subarray(first_above(whole, kMatter)))));
   const first = first_above(sorted, kMatter);
   const matter = sorted.subarray(first), typical = matter.length > 0 ? quantile(matter, 0.9) : kMatter;
-  const scale = 2 * typical, light = Math.exp(-quantile(sorted, 0.001) / scale);
+  const scale = 2 * typical, light = Math.exp(-(is_of_body && matter.length > 0 ? quantile(matter, kLightest) : quantile(sorted, 0.001)) / scale);
   return { scale, dark: Math.min(Math.exp((-kHeadroom * quantile(sorted, 0.999)) / scale), 0.8 * light), light, gamma: 1, inverted: false };
 }
 

@@ -23,6 +23,7 @@ import { SteeringAction, Steering } from "./steering";
 import { Loads, LoadChart } from "./load_chart";
 import type { PressureReading } from "./live_message";
 import { PressureChart, Pressures } from "./pressure_chart";
+import { TableFollow, followed_mm } from "./table_follow";
 import { Treating, state_of } from "./treating";
 import { TrainerLink, TrainerWorker } from "./trainer";
 
@@ -119,6 +120,8 @@ export class LiveView {
   private held_hub = -1;
   private shown_ms = -Infinity;
   private is_due = false;
+  private follows = true;
+  private readonly table_follow = new TableFollow();
   private is_new_here = false; // whoever steers, and is told how
 
   constructor(private readonly live: Live, private readonly trainer: Trainer | null, worker: TrainerWorker | null, motion: Motion | null, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
@@ -200,6 +203,10 @@ export class LiveView {
     }, { dose, compression }, matching);
     this.store.on_change((state, before) => state.pose !== before.pose && panel.show_settings());
     addEventListener("keydown", (event) => this.press(event, panel), { capture: true });
+    const table_follows = element("table-follows"), following = { takes: (key: string) => key === "t" && (this.switch_following(), true) };
+    table_follows.hidden = false;
+    table_follows.addEventListener("click", () => this.switch_following());
+    addEventListener("keydown", (event) => this.press(event, following), { capture: true });
     return panel;
   }
 
@@ -241,10 +248,11 @@ export class LiveView {
   private show(message: LiveMessage): void {
     const is_new = message.exposures !== this.exposures;
     this.expose(message);
-    const has_image = !this.trainer || message.fluoroscopy_s > 0; // that can be held
+    const has_image = !this.trainer || message.exposures > 1; // by the pedal, that can be held
     if (message.exposes || !has_image) this.picture.held_pose = null;
     else if (is_new || !this.picture.held_pose) this.hold();
     if (is_new) {
+      if (message.exposes) this.follow(message);
       this.exposures = message.exposures;
       const instruments = this.live.instruments.flatMap((instrument, d) => surfaces_of(instrument, message.instruments[d]?.parts_mm ?? []));
       const phases = message.body?.modes.map(({ phase }) => phase);
@@ -271,6 +279,21 @@ export class LiveView {
     if (time_s - this.exposed_s > kMessage_s) fluoroscopy.begin_run(Math.min(3600, time_s - this.exposed_s));
     this.exposed_s = time_s;
     if (this.exposures >= 0) fluoroscopy.expose(exposures - this.exposures);
+  }
+
+  /** What was subtracted or mapped would be lost with the view: then the table stays where it is. */
+  private follow(message: LiveMessage): void {
+    const { store, picture } = this, { pose } = store.state, settings = this.exposure?.settings;
+    if (!this.follows || !settings || settings.subtracts || settings.shows_road_map) return;
+    const tip_mm = this.table_follow.moved_tip_mm(message), view = picture.view(store.state);
+    if (tip_mm === null) return;
+    const table_mm = followed_mm(pose.table_mm, picture.bounds.centre_mm[2], view, tip_mm);
+    if (table_mm !== pose.table_mm) store.update({ pose: { ...pose, table_mm } });
+  }
+
+  private switch_following(): void {
+    this.follows = !this.follows;
+    element("table-follows").setAttribute("aria-pressed", String(this.follows));
   }
 
   /** The picture's body, where the page has the maps of a body that moves. */

@@ -282,7 +282,7 @@ async function open(): Promise<void> {
   const worker = header.trainer && can_simulate() ? new TrainerWorker(element("simulation").textContent!.trim()) : null;
   element("simulation").remove();
   const begin = (trainer: Trainer) => worker!.begin(trainer, header.live?.modes ?? [], header.motion);
-  const data = await session_of(header, packed, worker !== null, exercise_of(location.hash, header.trainer?.exercises?.length ?? 0), begin), first = first_state(data);
+  const data = await session_of(header, packed, worker !== null, exercise_of(location.hash, header.trainer?.exercises?.length ?? 0), begin), first = first_state(data, Math.min(stage.clientWidth, stage.clientHeight));
   const modes = data.motion?.modes.map(({ name }) => name) ?? [], store = new Store(state_of(location.hash, first, modes), first, data);
   resize(); // later it would wait for the graphics device, which takes the map first
   const picture = Picture.on(canvas, data);

@@ -9,7 +9,7 @@ import { GreyWindow, automatic_window } from "./grey_window";
 import { MovingSurface } from "./moving_surface";
 import type { Outline } from "./overlay";
 import type { State } from "./state";
-import { View, magnification_of } from "./view";
+import { Bounds, View, magnification_of } from "./view";
 
 const kPicturesPerWindow = 3; // of a motion
 const kMostDetectorPixels = 420_000; // that a fluoroscope makes 15 pictures a second of
@@ -77,6 +77,10 @@ export class Picture {
     const { drawingBufferWidth: width, drawingBufferHeight: height } = this.gl;
     const fit = state.is_bare && !this.data.header.is_of_session ? "tilted" : "untilted";
     return view_of(this.held_pose ?? state.pose, this.data.header.cone, this.data.map.bounds, width, height, fit);
+  }
+
+  get bounds(): Bounds {
+    return this.data.map.bounds;
   }
 
   /** Width and height at the isocentre. */
@@ -149,6 +153,11 @@ export class Picture {
     return [...surfaces, ...this.data.catheters];
   }
 
+  /** Of what a page that steers shows before there are X-rays the air beside the body takes no greys. */
+  private window_of(tau: Float32Array): GreyWindow {
+    return automatic_window(tau, this.data.trainer !== null);
+  }
+
   private automatic_window(view: View, surfaces: readonly Surface[], style: Style, state: State, is_moving: boolean): GreyWindow {
     // Of a body that moves it stays, as an exposure that is held; a picture of one instant alone has its own.
     const key = JSON.stringify([view, style.look, state.shows_vessels, state.is_bare ? [state.phases, this.keys_left > 0] : []]);
@@ -157,12 +166,12 @@ export class Picture {
       this.window_key = key;
       this.coming_tau?.drop();
       this.coming_tau = null;
-      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style)));
+      return (this.automatic = this.window_of(this.renderer.coarse_tau(view, surfaces, style)));
     }
     // In motion the window follows some pictures behind, so that none waits for the graphics device.
     const tau = this.coming_tau?.take();
     if (tau) {
-      this.automatic = automatic_window(tau);
+      this.automatic = this.window_of(tau);
       this.coming_tau = null;
       if (key === this.coming_key) this.window_key = key; // the body alone moves
     }

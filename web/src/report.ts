@@ -38,8 +38,9 @@ export interface ExerciseReport {
   is_complete: boolean;
   is_passed: boolean;
   targets: { name: string; reached_s: number | null }[];
+  forbidden: string[];
   forbidden_entries: { name: string; time_s: number }[];
-  limits: { name: string; limit: number; passed_s: number | null }[];
+  limits: { name: string; limit: number; largest?: number | null; passed_s: number | null }[];
 }
 
 export interface RunReport {

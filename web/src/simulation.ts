@@ -8,7 +8,7 @@ interface Exports {
   trainer_open(): number;
   trainer_hold(push: number, turn: number, is_slow: boolean, pedal: boolean, injects: boolean): void;
   trainer_pulse_rate(per_s: number): void;
-  trainer_dose(air_kerma_mGy: number, dap_Gycm2: number): void;
+  trainer_dose(fluoroscopy_s: number, air_kerma_mGy: number, dap_Gycm2: number): void;
   trainer_hold_mode(mode: number, holds: boolean, phase: number): number;
   trainer_speed(factor: number): number;
   trainer_gate(mode: number, phase: number): number;
@@ -37,6 +37,7 @@ export interface HandHolds {
 }
 
 export interface Dose {
+  fluoroscopy_s: number;
   air_kerma_mGy: number;
   dap_Gycm2: number;
 }
@@ -66,8 +67,8 @@ export class Simulation {
   }
 
   /** What the fluoroscope has given so far. */
-  count_dose({ air_kerma_mGy, dap_Gycm2 }: Dose): void {
-    this.calls.trainer_dose(air_kerma_mGy, dap_Gycm2);
+  count_dose({ fluoroscopy_s, air_kerma_mGy, dap_Gycm2 }: Dose): void {
+    this.calls.trainer_dose(fluoroscopy_s, air_kerma_mGy, dap_Gycm2);
   }
 
   hold_next_hub(): void {

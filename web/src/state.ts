@@ -23,20 +23,20 @@ export interface State {
   is_bare: boolean; // the picture alone
 }
 
-/** The way from the entry to all targets is seen, with room about it, in a picture that is as high as it is wide, which shows a quarter more than the body at most; or its beginning. */
-function opening_pose(pose: CArmPose, { centre_mm, radius_mm, half_height_mm }: Bounds, { entry_mm, targets }: ExerciseHeader): CArmPose {
-  const kRoom = 1.4, places_mm = [entry_mm, ...targets.map(({ at_mm }) => at_mm)], heights_mm = places_mm.map(([, , z]) => z);
+/** The way from the entry to all targets is seen, with room about it, where a wire is still seen in so large a field in a picture of `pixels` at its shorter side; or the way's beginning. */
+function opening_pose(pose: CArmPose, { centre_mm, radius_mm, half_height_mm }: Bounds, { entry_mm, targets }: ExerciseHeader, pixels: number): CArmPose {
+  const kRoom = 1.4, kSeen_mm = 0.6, places_mm = [entry_mm, ...targets.map(({ at_mm }) => at_mm)], heights_mm = places_mm.map(([, , z]) => z);
   const lowest_mm = Math.min(...heights_mm), highest_mm = Math.max(...heights_mm), aside_mm = Math.max(...places_mm.map(([x, y]) => Math.hypot(x - centre_mm[0], y - centre_mm[1])));
-  const seen_mm = kRoom * Math.max(highest_mm - lowest_mm, 2 * aside_mm), whole_mm = 2 * Math.max(half_height_mm, radius_mm), zoom = whole_mm / seen_mm, least = 0.8 * pose.zoom, is_seen = zoom * kRoom > 1.1 * least;
-  const entry_height_mm = entry_mm[2] - centre_mm[2], ahead_mm = (0.35 * whole_mm) / pose.zoom;
-  if (!is_seen) return { ...pose, table_mm: entry_height_mm - Math.sign(entry_height_mm) * ahead_mm };
+  const seen_mm = kRoom * Math.max(highest_mm - lowest_mm, 2 * aside_mm), whole_mm = 2 * Math.max(half_height_mm, radius_mm), zoom = whole_mm / seen_mm, least = whole_mm / Math.min(kSeen_mm * pixels, whole_mm / (0.8 * pose.zoom)), is_seen = zoom * kRoom > 1.1 * least;
+  const entry_height_mm = entry_mm[2] - centre_mm[2], ahead_mm = (0.35 * whole_mm) / least;
+  if (!is_seen) return { ...pose, zoom: least, table_mm: entry_height_mm - Math.sign(entry_height_mm) * ahead_mm };
   return { ...pose, zoom: Math.max(least, zoom), table_mm: 0.5 * (lowest_mm + highest_mm) - centre_mm[2] };
 }
 
-/** As the session was exported; an exercise opens where it takes place. */
-export function first_state({ header, map, run, motion, trainer }: SessionData): State {
+/** As the session was exported; an exercise opens where it takes place, in a picture of so many pixels at its shorter side. */
+export function first_state({ header, map, run, motion, trainer }: SessionData, pixels: number): State {
   return {
-    pose: trainer?.exercise ? opening_pose(header.pose, map.bounds, trainer.exercise) : header.pose,
+    pose: trainer?.exercise ? opening_pose(header.pose, map.bounds, trainer.exercise, pixels) : header.pose,
     look: header.look,
     window: header.window && { ...header.window, ...header.greys },
     ...header.greys,

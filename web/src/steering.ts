@@ -46,7 +46,7 @@ export class Steering {
     addEventListener("blur", () => this.let_go());
     document.addEventListener("visibilitychange", () => document.hidden && this.let_go());
     for (const [id, hold] of Object.entries(kButtons)) this.hold_by_finger(element(id), hold);
-    for (const [id, hold] of Object.entries(kSwitches)) this.switch_by_click(element(id), hold);
+    for (const [id, hold] of Object.entries(kSwitches)) this.switch_by_finger(element(id), hold);
     element("next-hub").addEventListener("click", () => this.act("next_hub"));
     element("valve").addEventListener("click", () => this.act("valve"));
     element("hub-buttons").hidden = !has_hub;
@@ -124,11 +124,17 @@ export class Steering {
     button.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
-  private switch_by_click(button: HTMLElement, hold: Control): void {
-    button.addEventListener("click", () => {
+  /** By a finger that is lifted, as others that are down make no click of it. */
+  private switch_by_finger(button: HTMLElement, hold: Control): void {
+    const change = () => {
       if (!this.switches.delete(hold)) this.switches.add(hold);
       button.setAttribute("aria-pressed", String(this.switches.has(hold)));
       this.changed();
+    };
+    button.addEventListener("pointerup", (event) => {
+      if (event.button === 0 && button.contains(document.elementFromPoint(event.clientX, event.clientY))) change();
     });
+    button.addEventListener("click", (event) => event.detail === 0 && change()); // by a key
+    button.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 }

@@ -3,6 +3,7 @@
 #include "xraycast/segmentation/smoothed_mask.hpp"
 
 #include <openvdb/openvdb.h>
+#include <openvdb/tools/Composite.h>
 #include <openvdb/tools/Filter.h>
 #include <openvdb/tools/Morphology.h>
 #include <openvdb/tools/VolumeToMesh.h>
@@ -11,7 +12,8 @@ namespace xraycast {
 namespace {
 
 /// OpenVDB's levels are inside where below, so the fraction inside is negated: 0 inside, 1 outside.
-openvdb::FloatGrid::Ptr smoothed_fraction(const Mask& mask) {
+/// Each iteration is a mean of three voxels along every axis, with a variance of two thirds of a voxel.
+openvdb::FloatGrid::Ptr smoothed_fraction(const Mask& mask, int iterations) {
   auto grid = openvdb::FloatGrid::create(1.0F);
   auto accessor = grid->getAccessor();
   const Index3 size = mask.geometry.size;
@@ -20,16 +22,20 @@ openvdb::FloatGrid::Ptr smoothed_fraction(const Mask& mask) {
       for (std::int64_t x = 0; x < size.x; ++x)
         if (mask[{x, y, z}] != 0)
           accessor.setValueOn({static_cast<int>(x), static_cast<int>(y), static_cast<int>(z)}, 0.0F);
-  constexpr int kMargin = 3;  // what smoothing reaches
+  const int kMargin = iterations;  // what smoothing reaches
   openvdb::tools::dilateActiveValues(grid->tree(), kMargin, openvdb::tools::NN_FACE_EDGE_VERTEX);
   openvdb::tools::Filter<openvdb::FloatGrid> filter(*grid);
-  filter.gaussian(1, 1);
+  filter.mean(1, iterations);
   return grid;
 }
 
 class OpenVdbSmoothedMask : public SmoothedMask {
  public:
-  explicit OpenVdbSmoothedMask(const Mask& mask) : geometry_(mask.geometry), grid_(smoothed_fraction(mask)) {}
+  OpenVdbSmoothedMask(const Mask& mask, const Mask& thin)
+      : geometry_(mask.geometry), grid_(smoothed_fraction(mask, kSmooth)) {
+    const openvdb::FloatGrid::Ptr fine = smoothed_fraction(thin, kFine);
+    openvdb::tools::compMin(*grid_, *fine);
+  }
 
   Mesh isosurface(double level) const override {
     std::vector<openvdb::Vec3s> points;
@@ -48,6 +54,7 @@ class OpenVdbSmoothedMask : public SmoothedMask {
   }
 
  private:
+  static constexpr int kSmooth = 4, kFine = 1;
   VolumeGeometry geometry_;
   openvdb::FloatGrid::Ptr grid_;
 };
@@ -55,7 +62,8 @@ class OpenVdbSmoothedMask : public SmoothedMask {
 }  // namespace
 }  // namespace xraycast
 
-extern "C" xraycast::SmoothedMask* xraycast_smoothed_mask(const xraycast::Mask& mask) {
+extern "C" xraycast::SmoothedMask* xraycast_smoothed_mask(const xraycast::Mask& mask,
+                                                          const xraycast::Mask& thin) {
   openvdb::initialize();
-  return new xraycast::OpenVdbSmoothedMask(mask);
+  return new xraycast::OpenVdbSmoothedMask(mask, thin);
 }

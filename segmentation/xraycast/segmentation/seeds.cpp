@@ -18,8 +18,8 @@
 namespace xraycast {
 namespace {
 
-constexpr double kSoftTissue_hu = 50, kBrightTissue_hu = 70;  // muscle; beyond it, without contrast agent
-constexpr double kReach_mm = 5;                               ///< of a seed that was set beside its vessel
+constexpr double kBrightTissue_hu = 70;  // without contrast agent
+constexpr double kReach_mm = 5;          ///< of a seed that was set beside its vessel
 constexpr double kAirBelow_hu = -300, kDensestContrast_hu = 700, kMetalFrom_hu = 2000;
 
 constexpr const char* kElsewhere = "; give `seeds` in a vessel";
@@ -212,6 +212,10 @@ bool is_near(const Mask& mask, const glm::dvec3& point_mm) {
   for_each_within(mask.geometry, point_mm, kReach_mm,
                   [&](const Index3& v) { found = found || mask[v] != 0; });
   return found;
+}
+
+Mask structure_at(const Mask& mask, const glm::dvec3& point_mm) {
+  return component_at(mask, point_mm, kReach_mm);
 }
 
 void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, Removal removal, const std::string& name) {

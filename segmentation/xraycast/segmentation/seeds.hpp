@@ -48,6 +48,9 @@ HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name
 /// Whether a point lies within 5 mm of a mask, as nearest_voxel accepts it.
 bool is_near(const Mask& mask, const glm::dvec3& point_mm);
 
+/// The component of a mask within 5 mm of a point; empty where there is none.
+Mask structure_at(const Mask& mask, const glm::dvec3& point_mm);
+
 /// Throws InputError for a seed farther than 5 mm from the mask that a removal has left: the message says
 /// what the seed lies in, and which field of the request would keep it.
 void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, Removal removal, const std::string& name);

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/evidence/thin_branches.hpp"
 #include "xraycast/evidence/vessel_evidence.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/morphology.hpp"
@@ -340,7 +341,36 @@ class ThresholdSteps {
     progress_.begin("filling", 3, "passes");
     complete_lumen(scan(), window_, bright_, bone_, vessels, progress_);
     explain(request_, "filling", vessels);
+    if (window_.is_of_seeds) {
+      add_thin_branches(vessels);
+      explain(request_, "thin-branches", vessels);
+    }
     return vessels;
+  }
+
+  /// Those that are darker than the seeds' window, as blur leaves them.
+  void add_thin_branches(Mask& vessels) {
+    constexpr double kDarker = 0.15;  // of the contrast to soft tissue: lumen of another seed's vessels
+    const double lumen_hu = std::ranges::min(seeds_, {}, &Seed::hu).hu,
+                 others_hu = window_.hu.low_hu - kDarker * (lumen_hu - kSoftTissue_hu);
+    const Mask bone = dilated(bone_, Sharing::corner);
+    auto [branches, others] = find_thin_branches(
+        volume_, {vessels, bone, left_out(vessels), lumen_hu, kSoftTissue_hu, others_hu}, device_, progress_);
+    others = dilated(others, Sharing::corner);
+    subtract(others, branches);
+    unite(others, bone);
+    add_half_filled_rim(scan(), others, branches);
+    unite(vessels, branches);
+  }
+
+  /// What is bright about points that are in no vessel.
+  Mask left_out(const Mask& vessels) const {
+    Mask out(vessels.geometry);
+    if (markers().not_vessels_mm.empty()) return out;
+    Mask rest = bright_;
+    subtract(rest, dilated(vessels, Sharing::corner));
+    for (const glm::dvec3& p : markers().not_vessels_mm) unite(out, structure_at(rest, p));
+    return out;
   }
 
   const SegmentRequest& request_;

@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/union_find.hpp"
+#include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/segmentation/smoothed_mask.hpp"
 
 #include <glm/common.hpp>
@@ -107,11 +108,27 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
   return with_manifold_edges(result);
 }
 
+/// What is left of a mask without its parts more than two voxels in radius.
+Mask thin_parts(const Mask& mask) {
+  const glm::dvec3& s = mask.geometry.spacing_mm;
+  const double voxel_mm = std::max({s.x, s.y, s.z}), wide_mm = 2 * voxel_mm;
+  Mask core(mask.geometry);
+  const std::vector<float> depth_mm = distance_to_background_mm(mask);
+  for (std::size_t i = 0; i < depth_mm.size(); ++i) core.voxels[i] = depth_mm[i] > wide_mm;
+  if (core.count() == 0) return mask;
+  const std::vector<float> away_mm = distance_to_foreground_mm(std::move(core));
+  Mask thin(mask.geometry);
+  for (std::size_t i = 0; i < away_mm.size(); ++i)
+    thin.voxels[i] = static_cast<std::uint8_t>(mask.voxels[i] != 0 && away_mm[i] > wide_mm + voxel_mm);
+  return thin;
+}
+
 Mesh surface_of_volume(const Mask& mask, double lumen_mm3, std::size_t triangles) {
+  constexpr std::int64_t kAround_vox = 1;  // so that a vessel at the box's side has background there
   const Box box = bounding_box(mask);
   if (box.empty()) throw Error("the mask is empty, so it has no surface");
-  const Mask part = crop(mask, box);
-  return with_fewer_triangles(mesh_of_volume(*smoothed_mask(part), lumen_mm3), triangles);
+  const Mask part = crop(mask, grown(box, kAround_vox, mask.geometry.size));
+  return with_fewer_triangles(mesh_of_volume(*smoothed_mask(part, thin_parts(part)), lumen_mm3), triangles);
 }
 
 }  // namespace

@@ -5,6 +5,9 @@
 
 namespace xraycast {
 
+/// Muscle without contrast agent.
+inline constexpr double kSoftTissue_hu = 50;
+
 /// The CT numbers of vessels.
 struct HuWindow {
   double low_hu;   ///< at a vessel's edge, by the partial volume of lumen and tissue

@@ -40,6 +40,9 @@ class HapticDevice {
   /// Whether the poses are the hub's own, as a script's are, without a virtual coupling in between.
   virtual bool is_rigid() const { return false; }
 
+  /// Whether a hand feels the loads.
+  virtual bool renders_loads() const { return true; }
+
   /// One line for the user: what is connected, and its rate.
   virtual std::string status() const = 0;
 

@@ -10,7 +10,8 @@ namespace xraycast {
 HubCouplings::HubCouplings(HapticDevice& device, std::vector<double> max_insertions_mm)
     : device_(device),
       max_insertions_mm_(std::move(max_insertions_mm)),
-      couplings_(max_insertions_mm_.size()),
+      settings_(device.renders_loads() ? CouplingSettings{} : CouplingSettings::without_feedback()),
+      couplings_(max_insertions_mm_.size(), VirtualCoupling({}, settings_)),
       targets_(max_insertions_mm_.size()) {}
 
 void HubCouplings::replace(std::size_t hub, const HubPose& at, double max_insertion_mm) {
@@ -83,7 +84,7 @@ void HubCouplings::move_valve(std::span<const HubPose> hubs) {
 void HubCouplings::release(std::size_t hub, const HubPose& at) {
   device_.pose(hub);  // the newest, from which it counts
   device_.go_on_from(hub, at);
-  couplings_[hub] = VirtualCoupling(at);
+  couplings_[hub] = VirtualCoupling(at, settings_);
 }
 
 void HubCouplings::lead(std::size_t hub, const HubPose& at, const HubLoad& load, double step_s) {

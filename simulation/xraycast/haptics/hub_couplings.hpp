@@ -61,6 +61,7 @@ class HubCouplings {
 
   HapticDevice& device_;
   std::vector<double> max_insertions_mm_;
+  CouplingSettings settings_;
   std::vector<VirtualCoupling> couplings_;
   std::vector<HubPose> targets_;
   std::atomic<bool> wants_lock_{false};

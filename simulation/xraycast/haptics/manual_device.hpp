@@ -52,6 +52,7 @@ class ManualDevice final : public HapticDevice {
                  pose.rotation_rad - of.jump_rad.load(std::memory_order_relaxed)};
   }
   void set_load(std::size_t, const HubLoad&) override {}
+  bool renders_loads() const override { return false; }
   std::string status() const override { return name_; }
 
  private:

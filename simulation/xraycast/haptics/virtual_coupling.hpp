@@ -31,6 +31,15 @@ struct CouplingSettings {
   CouplingAxis insertion{.stiffness = 500, .inertia = 0.002, .max_load = 5, .max_speed = 0.25};
   CouplingAxis rotation{.stiffness = 0.02, .inertia = 2e-8, .max_load = 0.05, .max_speed = 25};
   double timeout_s = 0.1;  ///< of the watchdog: without a pose for so long the hub freezes
+
+  /// Of a device without force feedback, which no stiffness makes unstable: fingers hold a hub that is not
+  /// turned, and a load of 5 mN m turns it by 1.5 degrees.
+  static CouplingSettings without_feedback() {
+    CouplingSettings settings;
+    settings.rotation.stiffness = 0.2;
+    settings.rotation.inertia = 2e-7;
+    return settings;
+  }
 };
 
 /// A virtual hub on a critically damped spring whose other end the hand holds (Colgate, Stanley and Brown,

@@ -9,6 +9,8 @@ namespace xraycast {
 namespace {
 
 constexpr double kShortestStep_s = 5e-4, kMl_of_mm3 = 1e-3;
+/// How far from a tip its jet mixes agent and blood, in radii of the vessel: then none is sharp at a tip.
+constexpr double kJetRadii = 1.5;
 
 /// A child starts at its parent's end; a little further on it has its own width.
 double width_mm(const VesselBranch& branch) { return branch.points[branch.points.size() / 2].radius_mm; }
@@ -46,7 +48,7 @@ void ContrastBolus::set_flow(const VesselTree::Location& tip, double ml_s, doubl
   // Nothing can be injected where both ends are closed.
   const double gained_ml_s = flow_.end_ml_s(injected) - flow_.start_ml_s(injected);
   const bool injects = ml_s > 0 && gained_ml_s > 0.5 * ml_s;
-  if (injects) source_ = {vessels_[injected].cell_at(tip.arc_length_mm), ml_s, mg_ml};
+  if (injects) source_ = {tip.arc_length_mm, kJetRadii * width_mm(tree_.branches()[injected]), ml_s, mg_ml};
   for (std::size_t b = 0; b < vessels_.size(); ++b)
     vessels_[b].set_flow(flow_.end_ml_s(b), injects && b == injected && !sac_at(b) ? &source_ : nullptr);
   for (std::size_t s = 0; s < sacs_.size(); ++s) {

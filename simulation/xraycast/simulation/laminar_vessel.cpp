@@ -99,6 +99,24 @@ void LaminarVessel::set_flow(double end_ml_s, const Source* source) {
   source_ = source ? *source : Source{};
   end_ml_s_ = end_ml_s;
   start_ml_s_ = end_ml_s - source_.ml_s;
+  share_source();
+}
+
+/// A triangle about the source's place, cut off at the vessel's ends.
+void LaminarVessel::share_source() {
+  shares_.clear();
+  if (!(source_.ml_s > 0)) return;
+  const std::size_t cells = mg_ml_.size();
+  const double cell_mm = length_mm_ / static_cast<double>(cells);
+  const double at_mm = cell_mm * (static_cast<double>(cell_at(source_.at_mm)) + 0.5);
+  const double reach_mm = std::max(source_.reach_mm, cell_mm);
+  double sum = 0;
+  shares_.push_back(0);
+  for (std::size_t i = 0; i < cells; ++i) {
+    const double away_mm = std::abs(cell_mm * (static_cast<double>(i) + 0.5) - at_mm);
+    shares_.push_back(sum += std::max(0.0, 1 - away_mm / reach_mm));
+  }
+  for (double& share : shares_) share /= sum;
 }
 
 double LaminarVessel::longest_step_s(double flow_ml_s) const {
@@ -144,7 +162,7 @@ LaminarVessel::Laminae LaminarVessel::at_face(std::size_t face, double time_s) c
 }
 
 void LaminarVessel::advect(double time_s, double start_mg_ml, double end_mg_ml) {
-  const bool injects = source_.ml_s > 0;
+  const bool injects = !shares_.empty();
   if (is_empty_ && start_mg_ml == 0 && end_mg_ml == 0 && !injects) return;
   is_empty_ = false;
   const std::size_t cells = mg_ml_.size();
@@ -160,7 +178,8 @@ void LaminarVessel::advect(double time_s, double start_mg_ml, double end_mg_ml) 
   for (std::size_t i = 0; i < cells; ++i) {
     const double share = time_s / volume_ml_[i];
     const double in = flow_ml_s(i) * share, out = flow_ml_s(i + 1) * share;
-    const double injected = injects && i == source_.cell ? source_.ml_s * source_.mg_ml * share : 0;
+    const double injected =
+        injects ? (shares_[i + 1] - shares_[i]) * source_.ml_s * source_.mg_ml * share : 0;
     const Laminae &before = crossing_mg_ml_[i], &after = crossing_mg_ml_[i + 1];
     for (std::size_t k = 0; k < kLaminae; ++k)
       mg_ml_[i][k] += velocity_[k] * (in * before[k] - out * after[k] + injected);

@@ -25,16 +25,15 @@ class LaminarVessel {
   LaminarVessel(const VesselBranch& branch, double profile_exponent, double diffusivity_mm2_s,
                 double least_ml);
 
-  /// Where agent is injected, mixed over the cross-section by the jet.
+  /// Where agent is injected: mixed over the cross-section by the jet, and along the vessel by less and less
+  /// up to a distance from a place.
   struct Source {
-    std::size_t cell = 0;
+    double at_mm = 0, reach_mm = 0;
     double ml_s = 0, mg_ml = 0;
   };
 
   /// Other radii, of a branch with the same points. The agent's mass stays in its cells.
   void take_radii(const VesselBranch& branch);
-
-  std::size_t cell_at(double arc_length_mm) const;
 
   /// The flow at the vessel's end, positive away from its start, and a source; null: none. At the start there
   /// is as much less as the source adds.
@@ -70,7 +69,11 @@ class LaminarVessel {
   using Laminae = std::array<double, kLaminae>;
 
   void measure(const VesselBranch& branch, std::size_t cells);
-  double flow_ml_s(std::size_t face) const { return face <= source_.cell ? start_ml_s_ : end_ml_s_; }
+  std::size_t cell_at(double arc_length_mm) const;
+  void share_source();
+  double flow_ml_s(std::size_t face) const {
+    return shares_.empty() ? end_ml_s_ : start_ml_s_ + source_.ml_s * shares_[face];
+  }
   Laminae slope(std::size_t cell) const;
   Laminae at_face(std::size_t face, double time_s) const;
   double leaving_mg(std::size_t cell, double ml) const;
@@ -85,6 +88,7 @@ class LaminarVessel {
   std::vector<Laminae> mg_ml_;
   std::vector<Laminae> crossing_mg_ml_;  ///< at every face, in a step
   Source source_;
+  std::vector<double> shares_;  ///< of the source, before every face; none: there is no source
   double start_ml_s_ = 0, end_ml_s_ = 0;
   bool is_empty_ = true;
 };

@@ -105,9 +105,12 @@ std::vector<Embolised> listed(const std::vector<Embolised>& embolised) {
 
 ReportJson json_of(const ExerciseProgress& progress) {
   const ExerciseState& state = progress.state();
-  ReportJson json{{"title", progress.exercise().title},       {"is_complete", state.is_complete()},
-                  {"is_passed", state.is_passed()},           {"targets", ReportJson::array()},
-                  {"forbidden_entries", ReportJson::array()}, {"limits", ReportJson::array()}};
+  ReportJson json{{"title", progress.exercise().title}, {"is_complete", state.is_complete()},
+                  {"is_passed", state.is_passed()},     {"targets", ReportJson::array()},
+                  {"forbidden", ReportJson::array()},   {"forbidden_entries", ReportJson::array()},
+                  {"limits", ReportJson::array()}};
+  for (const ForbiddenVessel& vessel : progress.exercise().forbidden)
+    json["forbidden"].push_back(vessel.name);
   for (const ExerciseState::Target& target : state.targets)
     json["targets"].push_back({{"name", target.name}, {"reached_s", json_of(target.reached_s)}});
   for (const ExerciseState::Entry& entry : state.forbidden_entries)

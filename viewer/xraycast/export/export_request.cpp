@@ -11,6 +11,7 @@
 #include "xraycast/sampling/column_samples.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/scene/pulse_blur.hpp"
 #include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/vessels.hpp"
 
@@ -163,16 +164,14 @@ void add_choices(const std::vector<InstrumentModel>& others, std::vector<Instrum
       choices.push_back(model);
 }
 
-/// The whole zoom field, with an entry at its edge, from where instruments go towards the body's middle.
-void show_field(CArmPose& pose, const FluoroscopyOptions& options, double entry_height_mm,
-                const BodyBounds& bounds) {
+/// A field of a width at the isocentre, with an entry at its edge, from where instruments go towards the
+/// body's middle.
+void show_field(CArmPose& pose, double seen_mm, double entry_height_mm, const BodyBounds& bounds) {
   constexpr int kPixels = 1000;
   constexpr double kAhead = 0.35;
-  const Cone& cone = options.c_arm.distances;
   pose.zoom = 1;
-  pose.magnify(kPixels * view_of(pose, bounds, kPixels, kPixels).pixel_mm / options.field_mm);
-  const double height_mm = entry_height_mm - bounds.centre_mm.z,
-               seen_mm = options.field_mm * cone.source_axis_mm / cone.source_detector_mm;
+  pose.magnify(kPixels * pixel_at_axis_mm(view_of(pose, bounds, kPixels, kPixels)) / seen_mm);
+  const double height_mm = entry_height_mm - bounds.centre_mm.z;
   pose.travel(height_mm - std::copysign(kAhead * seen_mm, height_mm) - pose.table_mm, bounds);
 }
 
@@ -252,9 +251,14 @@ void make_steered(ExportRequest& request, const RunRequest& run, const std::vect
   else if (!fluoroscope.c_arm.empty())
     request.pose.cone = request.fluoroscope.c_arm.distances;
   TrainerSetup setup{.tree = run.tree, .choices = run.instruments, .used = {}, .entry = entry_of(run)};
-  if (!fluoroscope.c_arm.empty() && !request.is_of_session)
-    show_field(request.pose, request.fluoroscope, setup.entry.position_mm.z(),
-               bounds_of(request.map->geometry));
+  // A wire is hardly seen in a picture of the whole body.
+  constexpr double kSeen_mm = 300;
+  const Cone& cone = request.fluoroscope.c_arm.distances;
+  const double seen_mm = fluoroscope.c_arm.empty()
+                             ? kSeen_mm
+                             : request.fluoroscope.field_mm * cone.source_axis_mm / cone.source_detector_mm;
+  if (!request.is_of_session)
+    show_field(request.pose, seen_mm, setup.entry.position_mm.z(), bounds_of(request.map->geometry));
   if (request.map->keys && request.body.motion && has_page_modes(*request.map->keys) &&
       has_page_size(*request.map->keys))
     setup.motion = PageMotion::about(*run.tree, *request.body.motion);

@@ -40,12 +40,14 @@ double at_isocentre_mm(double on_detector_mm, const Cone& distances) {
   return on_detector_mm * distances.source_axis_mm / distances.source_detector_mm;
 }
 
-/// Whether no C-arm or table moves that far between two pulses of one run.
-bool is_jump(const View& before, const View& now) {
-  constexpr double kTurn_rad = 0.15, kWay_mm = 30;  // at 7.5/s some 65 deg/s and 22 cm/s
-  return std::abs(std::remainder(now.lao_rad - before.lao_rad, 2 * std::numbers::pi)) > kTurn_rad ||
-         std::abs(now.cranial_rad - before.cranial_rad) > kTurn_rad ||
-         glm::distance(now.centre_mm, before.centre_mm) > kWay_mm;
+/// Whether the body lies elsewhere in the picture, by more than half a pixel: frames averaged over time would
+/// show it twice.
+bool is_moved(const View& before, const View& now) {
+  constexpr double kLever_mm = 150, kLeast_pixels = 0.5;  // of a body's side about the axis
+  const double turned_rad = std::abs(std::remainder(now.lao_rad - before.lao_rad, 2 * std::numbers::pi)) +
+                            std::abs(now.cranial_rad - before.cranial_rad);
+  return glm::distance(now.centre_mm, before.centre_mm) + kLever_mm * turned_rad >
+         kLeast_pixels * now.pixel_mm;
 }
 
 /// The stages behind the tube, in their order, for pictures of one size.
@@ -102,9 +104,8 @@ struct Fluoroscope::State {
 
 void Fluoroscope::State::set_view(const View& next) {
   const Cone distances = next.cone.value_or(generator.options().c_arm.distances);
-  const bool is_moved = distances != generator.options().c_arm.distances;
-  const bool is_other =
-      next.width != view.width || next.height != view.height || next.pixel_mm != view.pixel_mm || is_moved;
+  const bool is_other = next.width != view.width || next.height != view.height ||
+                        next.pixel_mm != view.pixel_mm || distances != generator.options().c_arm.distances;
   if (next.cone) check_distances(distances);
   if (is_other) {
     const double pixel_mm = pixel_on_detector_mm(next, distances);
@@ -115,7 +116,7 @@ void Fluoroscope::State::set_view(const View& next) {
     DetectionChain other(moved, on_detector);  // which may throw, and then nothing has changed
     generator.set_detector(distances, pixel_mm);
     chain = std::move(other);
-  } else if (is_jump(view, next)) {
+  } else if (is_moved(view, next)) {
     chain->display.forget();
   }
   view = next;

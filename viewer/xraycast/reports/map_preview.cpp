@@ -13,7 +13,6 @@
 #include <cstdint>
 #include <limits>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace xraycast {
@@ -98,6 +97,22 @@ int width_of(const MapGeometry& geometry) {
   return kPreviewLeft + static_cast<int>(std::ceil(width)) + kRight;
 }
 
+/// How many layers lie beside each other: rows of about the same number, in a picture of a screen's shape.
+int columns_of(int layers, int cell_width, int cell_height) {
+  constexpr double kShape = 1.6;  // width over height
+  int best = layers;
+  double best_off = std::numeric_limits<double>::infinity();
+  for (int rows = 1; rows <= layers; ++rows) {
+    const int columns = (layers + rows - 1) / rows;
+    const double off = std::abs(std::log(1.0 * columns * cell_width / (1.0 * rows * cell_height) / kShape));
+    if (off < best_off) {
+      best = columns;
+      best_off = off;
+    }
+  }
+  return best;
+}
+
 }  // namespace
 
 PreviewWindow parse_preview_window(const std::string& name) {
@@ -110,22 +125,31 @@ RgbPicture map_preview(const BodyMap& map, PreviewWindow window) {
   const MapGeometry& geometry = map.geometry;
   const std::vector<std::uint8_t> greys = preview_of(map, window);
   const Strip scale = scale_of(geometry);
-  const int width = width_of(geometry), layers = geometry.layers();
-  const auto paper = static_cast<std::uint8_t>(std::lround(255 * kPaper.red));
-  std::vector<std::uint8_t> rgb;
-  rgb.reserve(std::size_t{3} * width * layers * (kPreviewTitle + geometry.height));
+  const int cell_width = width_of(geometry), cell_height = kPreviewTitle + geometry.height;
+  const int columns = columns_of(geometry.layers(), cell_width, cell_height);
+  const int rows = (geometry.layers() + columns - 1) / columns;
+  RgbPicture picture{columns * cell_width, rows * cell_height, {}};
+  picture.rgb.assign(std::size_t{3} * static_cast<std::size_t>(picture.width) * picture.height,
+                     static_cast<std::uint8_t>(std::lround(255 * kPaper.red)));
   const std::uint8_t* grey = greys.data();
-  for (int k = 0; k < layers; ++k) {
-    const Strip line = title(geometry, k, width);
-    rgb.insert(rgb.end(), line.rgb.begin(), line.rgb.end());
+  for (int k = 0; k < geometry.layers(); ++k) {
+    const int left = k % columns * cell_width, top = k / columns * cell_height;
+    const auto at = [&](int x, int y) {
+      return picture.rgb.begin() + std::ptrdiff_t{3} * (std::ptrdiff_t{picture.width} * (top + y) + left + x);
+    };
+    const auto put = [&](const Strip& strip, int y) {
+      for (int row = 0; row < strip.height; ++row)
+        std::copy_n(strip.rgb.begin() + std::ptrdiff_t{3} * strip.width * row,
+                    std::ptrdiff_t{3} * strip.width, at(0, y + row));
+    };
+    put(title(geometry, k, cell_width), 0);
+    put(scale, kPreviewTitle);
     for (int y = 0; y < geometry.height; ++y) {
-      const auto left = scale.rgb.begin() + std::ptrdiff_t{3} * kPreviewLeft * y;
-      rgb.insert(rgb.end(), left, left + std::ptrdiff_t{3} * kPreviewLeft);
-      for (int x = 0; x < geometry.width; ++x) rgb.insert(rgb.end(), 3, *grey++);
-      rgb.insert(rgb.end(), std::size_t{3} * (width - kPreviewLeft - geometry.width), paper);
+      auto to = at(kPreviewLeft, kPreviewTitle + y);
+      for (int x = 0; x < geometry.width; ++x) to = std::fill_n(to, 3, *grey++);
     }
   }
-  return {width, layers * (kPreviewTitle + geometry.height), std::move(rgb)};
+  return picture;
 }
 
 }  // namespace xraycast

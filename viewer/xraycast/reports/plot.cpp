@@ -34,8 +34,10 @@ std::span<const double> dashes_of(const Curve& curve) {
 /// The range of an axis, extended to round numbers.
 struct Axis {
   double low = std::numeric_limits<double>::infinity(), high = -low, step = 1;
+  bool is_whole = true;  ///< as numbers of runs are: then so are its steps
 
   void include(double value) {
+    is_whole = is_whole && value == std::floor(value);
     low = std::min(low, value);
     high = std::max(high, value);
   }
@@ -51,6 +53,7 @@ struct Axis {
     // Angles are labelled in multiples of 15 degrees.
     for (const double angle : {60.0, 30.0, 15.0})
       if (low == 0 && std::abs(high - 360) < angle && angle >= rough) step = angle;
+    if (is_whole) step = std::max(step, 1.0);
     low = std::floor(low / step + 1e-9) * step;
     high = std::ceil(high / step - 1e-9) * step;
   }

@@ -153,6 +153,20 @@ std::string seconds(const SavedJson& object, const char* key, const std::string&
   return fmt::format("{:.1f} s", number_in(object.at(key), where));
 }
 
+/// `force on the wall of 3 N`, of an exercise's limit.
+std::string limit_words(const std::string& name, double limit) {
+  constexpr std::array<std::array<const char*, 3>, 7> kLimits{{{"time_s", "time", "s"},
+                                                               {"fluoroscopy_s", "fluoroscopy", "s"},
+                                                               {"air_kerma_mGy", "air kerma", "mGy"},
+                                                               {"dap_Gycm2", "dose-area product", "Gy cm²"},
+                                                               {"contrast_ml", "contrast agent", "ml"},
+                                                               {"force_N", "force at the hub", "N"},
+                                                               {"wall_force_N", "force on the wall", "N"}}};
+  for (const auto& [field, words, unit] : kLimits)
+    if (name == field) return fmt::format("{} of {:g} {}", words, limit, unit);
+  return name;
+}
+
 void read_exercise(const SavedJson& exercise, const std::string& where, SavedRun& run) {
   if (!exercise.is_object()) throw InputError("{}: is not an object", where);
   const auto is_set = [&](const char* key) {
@@ -162,7 +176,7 @@ void read_exercise(const SavedJson& exercise, const std::string& where, SavedRun
   run.exercise = text_in(exercise, "title", where);
   run.is_complete = is_set("is_complete");
   run.is_passed = is_set("is_passed");
-  const auto add = [&](const char* list, std::size_t most, const char* time, const char* lead,
+  const auto add = [&](const char* list, std::size_t most, const char* time, const auto& words,
                        const char* otherwise) {
     std::set<std::string> names;
     for (const SavedJson& one : list_in(exercise, list, most, where)) {
@@ -172,12 +186,18 @@ void read_exercise(const SavedJson& exercise, const std::string& where, SavedRun
       const std::string name = text_in(one, "name", where);
       if (names.insert(name).second && names.size() > kMostTargets)
         throw InputError("{}: \"{}\" has more than {} names", where, list, kMostTargets);
-      run.outcomes.emplace_back(lead + name, has_time ? seconds(one, time, where) : otherwise);
+      run.outcomes.emplace_back(words(one, name), has_time ? seconds(one, time, where) : otherwise);
     }
   };
-  add("targets", kMostTargets, "reached_s", "", "not reached");
-  add("forbidden_entries", kMostValues, "time_s", "forbidden: ", "");
-  add("limits", kMostTargets, "passed_s", "limit passed: ", "");
+  const auto as_it_is = [](const SavedJson&, const std::string& name) { return name; };
+  const auto forbidden = [](const SavedJson&, const std::string& name) { return "forbidden: " + name; };
+  const auto limit = [&](const SavedJson& one, const std::string& name) {
+    return "limit passed: " +
+           (find(one, "limit") ? limit_words(name, number_in(one.at("limit"), where)) : name);
+  };
+  add("targets", kMostTargets, "reached_s", as_it_is, "not reached");
+  add("forbidden_entries", kMostValues, "time_s", forbidden, "");
+  add("limits", kMostTargets, "passed_s", limit, "");
 }
 
 void read_series(const SavedJson& series, const std::string& where, SavedRun& run) {
@@ -500,6 +520,7 @@ SavedRun SavedRun::parse(const std::string& text, const std::string& name, const
 SavedRuns read_runs(const std::filesystem::path& path) {
   const std::string origin = path.string(), name = printable_line(path.stem().string());
   SavedJson json = parsed(read_whole_file(path), origin);
+  if (json.is_object()) json.erase("name");  // a file may have been renamed since
   if (!json.is_object() || !find(json, "runs")) return {{saved_run(std::move(json), name, origin)}};
   if (!has_version(json)) throw InputError("{}: \"version\" is not 1, the only one that there is", origin);
   SavedRuns all;

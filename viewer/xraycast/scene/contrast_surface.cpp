@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <numeric>
@@ -16,6 +17,7 @@ namespace xraycast {
 namespace {
 
 constexpr std::uint32_t kRingSides = 12;
+constexpr std::size_t kEndDrums = 2;
 
 /// Puts a ring's outline and its centre, the last, into a mesh; the index of the first.
 std::uint32_t add_ring(const Ring& ring, Mesh& mesh) {
@@ -52,6 +54,26 @@ std::vector<VesselPoint> points_of(const AneurysmSac& sac, std::size_t count) {
   return points;
 }
 
+/// As the branch of a tree that leaves another one: its first point has the other one's radius.
+std::vector<VesselPoint> own_points(const VesselBranch& branch) {
+  std::vector<VesselPoint> points = branch.points;
+  if (branch.parent >= 0) points.front().radius_mm = std::min(points[0].radius_mm, points[1].radius_mm);
+  return points;
+}
+
+/// A round end beyond the last cross-section, in drums: vessels go on there, or into one another.
+std::array<Ring, kEndDrums + 1> round_end(const Ring& last, const VesselPoint& before) {
+  constexpr std::array<double, kEndDrums + 1> kHeights{0, 0.6, 0.97};  // of the radius
+  const glm::dvec3 outwards = glm::normalize(last.centre_mm - before.position_mm);
+  std::array<Ring, kEndDrums + 1> rings;
+  for (std::size_t i = 0; i < rings.size(); ++i) {
+    rings[i] = last;
+    rings[i].centre_mm += kHeights[i] * last.radius_mm * outwards;
+    rings[i].radius_mm *= std::sqrt(1 - kHeights[i] * kHeights[i]);
+  }
+  return rings;
+}
+
 /// The first stretches of drums of a length or a little more, and the end of the last one.
 std::vector<std::size_t> divide(const std::vector<double>& arc_length_mm, double drum_mm) {
   std::vector<std::size_t> bounds{0};
@@ -69,12 +91,18 @@ ContrastSurface::ContrastSurface(const VesselTree& tree, double mu_per_mm) : mu_
     constexpr double kDrum_mm = 2, kOfSac = 0.2;
     const std::optional<AneurysmSac> sac = sac_of(tree, static_cast<int>(b));
     const std::vector<Ring> rings =
-        rings_across_chords(sac ? points_of(*sac, branch.points.size()) : branch.points);
+        rings_across_chords(sac ? points_of(*sac, branch.points.size()) : own_points(branch));
     const std::vector<std::size_t> bounds =
         divide(branch.arc_length_mm, sac ? std::min(kDrum_mm, kOfSac * sac->radius_mm) : kDrum_mm);
     for (std::size_t d = 0; d + 1 < bounds.size(); ++d) {
       drums_.push_back({static_cast<int>(b), bounds[d], bounds[d + 1]});
       add_drum(rings[bounds[d]], rings[bounds[d + 1]], whole_);
+    }
+    if (sac) continue;
+    const std::array<Ring, kEndDrums + 1> end = round_end(rings.back(), branch.points.end()[-2]);
+    for (std::size_t d = 0; d < kEndDrums; ++d) {
+      drums_.push_back({static_cast<int>(b), bounds.end()[-2], bounds.back()});
+      add_drum(end[d], end[d + 1], whole_);
     }
   }
 }

@@ -13,8 +13,8 @@
 namespace xraycast {
 
 /// Vessels filled unevenly with contrast agent, as a surface for fluoro: a row of drums along every branch,
-/// each closed and with its own attenuation. Where branches meet their drums overlap, and the largest mu
-/// counts.
+/// each closed and with its own attenuation, and a round end. Where branches meet their drums overlap, and
+/// the largest mu counts.
 class ContrastSurface {
  public:
   /// Divides the tree into drums of about two millimetres, made of whole stretches; `mu_per_mm` is that of

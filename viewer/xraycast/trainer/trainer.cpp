@@ -194,7 +194,8 @@ void Trainer::let_flow() {
   pressures_.add(instruments_.time_s(), bolus_.flow(), tips_of(instruments_));
   message_.injected_ml += ml_s * passed_s;
   if (particles_.are_any() || !embolised_.empty()) embolised_ = bolus_.flow().embolisation().list();
-  if (hand_.pedal) message_.fluoroscopy_s += passed_s;
+  if (hand_.pedal) pedal_s_ += passed_s;
+  message_.fluoroscopy_s = fluoroscopy_s_.value_or(pedal_s_);
 }
 
 /// As balloons and stents have left them.

@@ -45,8 +45,10 @@ class Trainer {
   /// Exposures a second while the pedal is down, the first one at once. Without, one a message.
   void set_pulse_rate(double per_s) { pulses_per_s_ = per_s; }
 
-  /// What the page's fluoroscope has given by now, for the report.
-  void count_dose(double air_kerma_mGy, double dap_Gycm2) {
+  /// What the page's fluoroscope has given by now, for the report. From then on the fluoroscopy time is its
+  /// own, without cine, and no longer that of the pedal.
+  void count_dose(double fluoroscopy_s, double air_kerma_mGy, double dap_Gycm2) {
+    fluoroscopy_s_ = fluoroscopy_s;
     air_kerma_mGy_ = air_kerma_mGy;
     dap_Gycm2_ = dap_Gycm2;
   }
@@ -112,7 +114,8 @@ class Trainer {
   std::vector<Embolised> embolised_;     ///< by them
   double told_s_ = 0;                    ///< when the last message was
   double pulses_per_s_ = 0, due_s_ = 0;  ///< 0: at each message; when the next one is
-  std::optional<double> air_kerma_mGy_, dap_Gycm2_;
+  double pedal_s_ = 0;
+  std::optional<double> fluoroscopy_s_, air_kerma_mGy_, dap_Gycm2_;
   long long pulses_ = 0;                ///< exposures with the pedal down
   std::vector<double> exposed_phases_;  ///< of the next exposure
   BrowserMessage message_;

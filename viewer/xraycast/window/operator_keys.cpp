@@ -70,6 +70,8 @@ std::vector<std::string> advice_on(const OperatorState& state) {
   std::vector<std::string> advice;
   if (state.is_live && !state.opens_gate)
     advice.push_back(fmt::format("The gate never opens ({}): let the body go on, or press W", state.gate));
+  if (state.injects && !state.has_agent_outlet)
+    advice.push_back("No lumen is free for contrast agent: draw the wire back to 0 mm");
   if (!state.exposes || !state.subtracts) return advice;
   if (state.is_automatic && state.dose != DoseLevel::cine)
     advice.push_back(fmt::format("Subtraction is noisy at {} dose: press D{} for cine", to_string(state.dose),

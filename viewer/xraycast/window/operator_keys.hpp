@@ -12,7 +12,8 @@ struct OperatorState {
   // A run.
   bool steers = false;
   bool is_steered_by_keys = false, is_steered_by_mouse = false;
-  bool has_valve = false, has_agent_outlet = false, is_recording = false, has_recording = false;
+  bool has_valve = false, has_agent_outlet = false, injects = false;
+  bool is_recording = false, has_recording = false;
   bool has_exercise = false;
   bool follows = false;         ///< the table follows the tip
   bool shows_road_map = false;  ///< or, without a fluoroscope, the vessels' outline

@@ -255,12 +255,16 @@ void list_targets(const ExerciseState& state) {
 int decimals_of(double limit) { return limit < 10 ? 2 : limit < 100 ? 1 : 0; }
 
 /// What was passed or entered, and how far the others are.
-void list_limits(const ExerciseState& state) {
+void list_limits(const Exercise& exercise, const ExerciseState& state) {
   for (const ExerciseState::Limit& limit : state.limits)
     write_in(limit.passed_s ? kXrays : kDim,
              fmt::format("{} {} of {:g}", words_of_limit(limit.name),
                          limit.value ? fmt::format("{:.{}f}", *limit.value, decimals_of(limit.limit)) : "-",
                          limit.limit));
+  std::string forbidden;
+  for (const ForbiddenVessel& vessel : exercise.forbidden)
+    forbidden += fmt::format("{}{}", forbidden.empty() ? "" : ", ", vessel.name);
+  if (!forbidden.empty()) write_in(kDim, "Keep out of: " + forbidden);
   constexpr std::size_t kMostShown = 3;  // the last ones
   const std::size_t count = state.forbidden_entries.size();
   for (std::size_t e = count - std::min(count, kMostShown); e < count; ++e)
@@ -280,7 +284,7 @@ void draw_exercise(const Viewer& viewer, const Exercise& exercise, const Exercis
   write_in(kHeld, exercise.title);
   if (viewer.shows_first_steps) write_in(kBright, exercise.task);
   list_targets(state);
-  list_limits(state);
+  list_limits(exercise, state);
   if (state.is_complete())
     write_in(state.is_passed() ? kDone : kXrays, state.is_passed() ? "Passed" : "Complete, but not passed");
   ImGui::End();
@@ -338,6 +342,7 @@ OperatorState operator_state(const Viewer& viewer) {
     state.is_steered_by_mouse = run->manual() && run->haptic() == "mouse";
     state.has_valve = run->run().has_valve();
     state.has_agent_outlet = run->run().now().agent_outlet.has_value();
+    state.injects = run->run().injection_ml_s() > 0;
     state.is_recording = run->run().is_recording();
     state.has_recording = viewer.has_recording();
     state.has_exercise = run->exercise() != nullptr;
