@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <random>
@@ -34,7 +35,8 @@ class Abdomens {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> contrast_hu(150, 190);
     const double arteries_hu = contrast_hu(random), veins_hu = contrast_hu(random);
-    Volume made = scan_;
+    Volume made(scan_.geometry());
+    std::ranges::copy(scan_.hu(), made.hu().begin());
     for (const auto& [name, mask] : parts_) {
       const double more_hu = name == "aorta" ? arteries_hu - 150 : veins_hu - 165;  // than the phantom's
       for (std::size_t i = 0; i < mask.voxels.size(); ++i)

@@ -139,7 +139,7 @@ TEST_P(PortalPhase, ASeedFindsItsVesselsAndNoOthers) {
   EXPECT_GE(dice_within_three(from_portal, portal), 0.8);
   // Where the splenic artery touches the vein, voxels hold some of both.
   EXPECT_LE(common(from_aorta, portal), portal.count() / 200);
-  EXPECT_EQ(common(from_portal, aorta), 0);
+  EXPECT_LE(common(from_portal, aorta), aorta.count() / 200);
   // What is in neither, such as a kidney or the liver; the rim of a vessel, by half a voxel.
   EXPECT_LE(from_aorta.count() - common(from_aorta, aorta), aorta.count() / 10);
   EXPECT_LE(from_portal.count() - common(from_portal, portal), portal.count() / 6);

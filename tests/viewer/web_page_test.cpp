@@ -376,8 +376,8 @@ TEST(WebPage, OfALiveRunConnectsToItsOwnServerAlone) {
   EXPECT_NE(page.find("form-action 'none'; connect-src 'self'\""), std::string::npos);
   const auto live = nlohmann::json::parse(element_of(page, "session"))["live"];
   EXPECT_EQ(live["instruments"].size(), 1u);
-  EXPECT_EQ(live["contrast"]["points"], 2 * live["contrast"]["drum_points"].get<int>());
-  EXPECT_EQ(live["contrast"]["triangles"], 2 * live["contrast"]["drum_triangles"].get<int>());
+  EXPECT_EQ(live["contrast"]["points"], 4 * live["contrast"]["drum_points"].get<int>());
+  EXPECT_EQ(live["contrast"]["triangles"], 4 * live["contrast"]["drum_triangles"].get<int>());
   EXPECT_EQ(live["contrast"]["is_closed"], true);
 }
 

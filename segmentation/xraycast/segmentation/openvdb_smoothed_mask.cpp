@@ -22,8 +22,8 @@ openvdb::FloatGrid::Ptr smoothed_fraction(const Mask& mask, int iterations) {
       for (std::int64_t x = 0; x < size.x; ++x)
         if (mask[{x, y, z}] != 0)
           accessor.setValueOn({static_cast<int>(x), static_cast<int>(y), static_cast<int>(z)}, 0.0F);
-  const int kMargin = iterations;  // what smoothing reaches
-  openvdb::tools::dilateActiveValues(grid->tree(), kMargin, openvdb::tools::NN_FACE_EDGE_VERTEX);
+  const int margin = iterations;  // what smoothing reaches
+  openvdb::tools::dilateActiveValues(grid->tree(), margin, openvdb::tools::NN_FACE_EDGE_VERTEX);
   openvdb::tools::Filter<openvdb::FloatGrid> filter(*grid);
   filter.mean(1, iterations);
   return grid;
