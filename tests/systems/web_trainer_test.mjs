@@ -344,6 +344,25 @@ browser_test("the report tells where particles in the agent went", async () => {
   await close(opened);
 });
 
+browser_test("the table follows the tip", async () => {
+  const opened = await steer("one.html", { hash: "#zoom=4&table=-200" }), { page } = opened;
+  const table_mm = async () => Number((await page.$eval("#readout", (p) => p.textContent)).match(/table [−-]?(\d+) mm/)[1]);
+  await page.keyboard.down("x");
+  await page.keyboard.down("ArrowUp");
+  await until_at(page, 150);
+  const low = await table_mm();
+  await until_at(page, 300);
+  const high = await table_mm();
+  assert.ok(low - high > 50, `${low} and ${high} below the middle`);
+  await page.keyboard.press("t");
+  assert.equal(await page.$eval("#table-follows", (button) => button.getAttribute("aria-pressed")), "false");
+  await until_at(page, 350);
+  assert.ok(Math.abs((await table_mm()) - high) < 15); // as it was when the key was pressed
+  await page.keyboard.up("ArrowUp");
+  await page.keyboard.up("x");
+  await close(opened);
+});
+
 browser_test("an exercise fits a telephone", async () => {
   const opened = await steer("tasks.html", { width: 390, height: 844, touch: true, hash: "#exercise=2" }), { page } = opened;
   assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390); // less a scroll bar
@@ -507,6 +526,7 @@ const phases = (page) => page.evaluate(() => document.documentElement.dataset.ph
 browser_test("a body that moves does so in the picture and about the instruments, and is held and gated", async (t) => {
   const opened = await steer("moving.html", { hash: "#zoom=2&table=120" }), { page } = opened;
   await page.waitForFunction(() => document.documentElement.dataset.motion === "loaded", { timeout: 60000 });
+  await page.keyboard.press("t"); // the table stays
   await page.keyboard.down("x");
   await page.keyboard.down("ArrowUp");
   await until_at(page, 380); // in the chest
