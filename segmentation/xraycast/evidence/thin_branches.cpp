@@ -32,21 +32,27 @@ class SmoothScan {
   double sigma_mm() const { return sigma_mm_; }
   double hu(std::size_t at) const { return kEighth * eighths_[at]; }
 
+  /// Of a voxel that is not at the scan's side.
+  glm::dvec3 slope_per_mm(std::size_t at) const {
+    const std::array<std::size_t, 3> step = steps();
+    glm::dvec3 slope(0);
+    for (int a = 0; a < 3; ++a)
+      slope[a] = (hu(at + step[a]) - hu(at - step[a])) / (2 * geometry_.spacing_mm[a]);
+    return slope;
+  }
+
   /// The two most negative second derivatives across a tube, per mm2, of a voxel that is not at the scan's
   /// side.
   std::array<double, 2> across(std::size_t at) const {
     const glm::dvec3& s = geometry_.spacing_mm;
-    const std::array<std::ptrdiff_t, 3> step{1, geometry_.size.x, geometry_.size.x * geometry_.size.y};
-    const auto value = [&](std::ptrdiff_t by) {
-      return kEighth * eighths_[static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + by)];
-    };
-    const double here = value(0);
+    const std::array<std::size_t, 3> step = steps();
+    const double here = hu(at);
     std::array<std::array<double, 3>, 3> h{};
     for (int a = 0; a < 3; ++a) {
-      h[a][a] = (value(step[a]) + value(-step[a]) - 2 * here) / (s[a] * s[a]);
+      h[a][a] = (hu(at + step[a]) + hu(at - step[a]) - 2 * here) / (s[a] * s[a]);
       for (int b = 0; b < a; ++b)
-        h[a][b] = (value(step[a] + step[b]) + value(-step[a] - step[b]) - value(step[a] - step[b]) -
-                   value(step[b] - step[a])) /
+        h[a][b] = (hu(at + step[a] + step[b]) + hu(at - step[a] - step[b]) - hu(at + step[a] - step[b]) -
+                   hu(at + step[b] - step[a])) /
                   (4 * s[a] * s[b]);
     }
     return two_least_eigenvalues(h);
@@ -54,6 +60,12 @@ class SmoothScan {
 
  private:
   static constexpr float kMost_hu = 4000, kEighth = 0.125f;
+
+  /// From a voxel to the next one along each axis.
+  std::array<std::size_t, 3> steps() const {
+    const Index3& size = geometry_.size;
+    return {1, static_cast<std::size_t>(size.x), static_cast<std::size_t>(size.x * size.y)};
+  }
 
   /// Of a symmetric matrix, of its lower triangle: the least, and the one in the middle. By angles, O. K.
   /// Smith, Commun ACM 4:168, 1961.
@@ -77,48 +89,47 @@ class SmoothScan {
   std::vector<std::int16_t> eighths_;
 };
 
+/// How steeply a scan falls along an axis where it is steepest, within two voxels of a place, per mm; 0 where
+/// it does not fall along this axis alone, as at a wall that lies across it.
+double steepness(const SmoothScan& fine, const VolumeGeometry& g, const Index3& place, int axis) {
+  constexpr double kAlong = 0.3;
+  const Index3 out = axis == 0 ? Index3(1, 0, 0) : Index3(0, 1, 0);
+  double steepest = 0, aside = 0;
+  for (std::int64_t k = -2; k <= 2; ++k) {
+    const Index3 at = place + k * out;
+    if (at.x < 1 || at.y < 1 || at.x + 1 >= g.size.x || at.y + 1 >= g.size.y) continue;
+    const glm::dvec3 slope = fine.slope_per_mm(offset_of(g, at));
+    if (std::abs(slope[axis]) <= steepest) continue;
+    steepest = std::abs(slope[axis]);
+    aside = std::hypot(slope[1 - axis], slope.z);
+  }
+  return aside < kAlong * steepest ? steepest : 0;
+}
+
 /// The standard deviation of a scan's own blur, in mm, by the steepness of its vessels' walls where they lie
 /// across rows and columns of slices.
 double blur_of(const SmoothScan& fine, const Mask& vessels) {
   constexpr double kUsual_mm = 0.8, kLeast_mm = 0.4, kMost_mm = 1.5, kBeside_mm = 4.5;
-  constexpr double kLeastStep_hu = 40, kAlong = 0.3;
+  constexpr double kLeastStep_hu = 40;
   constexpr std::size_t kFewest = 100;
   const VolumeGeometry& g = vessels.geometry;
-  const Index3& size = g.size;
-  const std::array<std::ptrdiff_t, 3> step{1, size.x, size.x * size.y};
   std::vector<double> found_mm;
-  const Box box = bounding_box(vessels);
-  for (std::int64_t z = std::max<std::int64_t>(box.lower.z, 1); z < std::min(box.upper.z, size.z - 1); ++z)
-    for (const int axis : {0, 1}) {
-      const auto reach = static_cast<std::int64_t>(std::lround(kBeside_mm / g.spacing_mm[axis]));
-      for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
-        for (std::int64_t x = box.lower.x; x < box.upper.x; ++x)
-          for (const int side : {-1, 1}) {
-            const Index3 out = axis == 0 ? Index3(side, 0, 0) : Index3(0, side, 0), here(x, y, z);
-            if (!vessels.at(here) || vessels.at(here + out)) continue;
-            const Index3 inner = here - reach * out, outer = here + reach * out;
-            if (!vessels.at(inner) || !vessels.contains(outer) || vessels.at(outer)) continue;
-            const double fall_hu = fine.hu(offset_of(g, inner)) - fine.hu(offset_of(g, outer));
-            if (fall_hu < kLeastStep_hu) continue;
-            // The steepest place is the wall; there the scan must fall along this axis alone.
-            double steepest = 0, aside = 0;
-            for (std::int64_t k = -2; k <= 2; ++k) {
-              const Index3 at = here + k * out;
-              if (at.x < 1 || at.y < 1 || at.x + 1 >= size.x || at.y + 1 >= size.y) continue;
-              const std::size_t i = offset_of(g, at);
-              std::array<double, 3> slope{};
-              for (int a = 0; a < 3; ++a)
-                slope[a] = (fine.hu(i + static_cast<std::size_t>(step[a])) -
-                            fine.hu(i - static_cast<std::size_t>(step[a]))) /
-                           (2 * g.spacing_mm[a]);
-              if (std::abs(slope[axis]) <= steepest) continue;
-              steepest = std::abs(slope[axis]);
-              aside = std::hypot(slope[1 - axis], slope[2]);
-            }
-            if (steepest > 0 && aside < kAlong * steepest)
-              found_mm.push_back(fall_hu / (std::sqrt(2 * std::numbers::pi) * steepest));
-          }
-    }
+  const auto look_across = [&](const Index3& here, int axis, int side) {
+    const Index3 out = axis == 0 ? Index3(side, 0, 0) : Index3(0, side, 0);
+    if (vessels.at(here + out)) return;
+    const auto reach = static_cast<std::int64_t>(std::lround(kBeside_mm / g.spacing_mm[axis]));
+    const Index3 inner = here - reach * out, outer = here + reach * out;
+    if (!vessels.at(inner) || !vessels.contains(outer) || vessels.at(outer)) return;
+    const double fall_hu = fine.hu(offset_of(g, inner)) - fine.hu(offset_of(g, outer));
+    if (fall_hu < kLeastStep_hu) return;
+    const double steepest = steepness(fine, g, here, axis);
+    if (steepest > 0) found_mm.push_back(fall_hu / (std::sqrt(2 * std::numbers::pi) * steepest));
+  };
+  const std::int64_t slice = g.size.x * g.size.y;
+  for (std::int64_t i = slice; i < slice * (g.size.z - 1); ++i)
+    if (vessels.voxels[static_cast<std::size_t>(i)] != 0)
+      for (const int axis : {0, 1})
+        for (const int side : {-1, 1}) look_across(voxel_at(g, i), axis, side);
   if (found_mm.size() < kFewest) return kUsual_mm;
   const auto median = found_mm.begin() + static_cast<std::ptrdiff_t>(found_mm.size() / 2);
   std::ranges::nth_element(found_mm, median);
@@ -184,10 +195,9 @@ class BranchTest {
 };
 
 /// What is bright and wide, away from the vessels.
-Mask other_wide(const BranchTest& test, const WideVessels& vessels) {
+Mask other_wide(const BranchTest& test, const WideVessels& vessels, const std::vector<float>& away_mm) {
   constexpr double kAway_mm = 2.5, kRadius_mm = 3.7;
   Mask bright(vessels.mask.geometry);
-  const std::vector<float> away_mm = distance_to_foreground_mm(vessels.mask);
   for (std::size_t i = 0; i < away_mm.size(); ++i)
     bright.voxels[i] = static_cast<std::uint8_t>(test.hu(i) >= vessels.others_hu && away_mm[i] > kAway_mm);
   const std::vector<float> depth_mm = distance_to_background_mm(bright);
@@ -198,9 +208,10 @@ Mask other_wide(const BranchTest& test, const WideVessels& vessels) {
 /// Grows vessels and others at once, the brightest voxels first.
 class Growth {
  public:
-  Growth(const WideVessels& vessels, const BranchTest& test)
+  /// `away_mm`: of each voxel from the vessels.
+  Growth(const WideVessels& vessels, const BranchTest& test, const std::vector<float>& away_mm)
       : geometry_(vessels.mask.geometry), test_(test), owner_(vessels.mask.voxels.size(), kNobody) {
-    const Mask wide = other_wide(test, vessels);
+    const Mask wide = other_wide(test, vessels, away_mm);
     for (std::size_t i = 0; i < owner_.size(); ++i) {
       if (vessels.mask.voxels[i] != 0)
         owner_[i] = kVessels;
@@ -276,9 +287,8 @@ class Growth {
 };
 
 /// Those that are no roughness of a wall.
-Mask reaching(const Mask& branches, const Mask& vessels) {
+Mask reaching(const Mask& branches, const std::vector<float>& away_mm) {
   constexpr float kLeast_mm = 5;
-  const std::vector<float> away_mm = distance_to_foreground_mm(vessels);
   const Components components(branches);
   std::vector<bool> keep(static_cast<std::size_t>(components.count()));
   for (const Components::Run& run : components.runs())
@@ -295,9 +305,10 @@ ThinBranches find_thin_branches(const Volume& volume, const WideVessels& vessels
   progress.begin("thin branches", 3, "passes");
   const BranchTest test(volume, vessels, device);
   progress.advance();
-  ThinBranches found = Growth(vessels, test).found(vessels.mask);
+  const std::vector<float> away_mm = distance_to_foreground_mm(vessels.mask);
+  ThinBranches found = Growth(vessels, test, away_mm).found(vessels.mask);
   progress.advance();
-  found.branches = reaching(found.branches, vessels.mask);
+  found.branches = reaching(found.branches, away_mm);
   progress.advance();
   return found;
 }
