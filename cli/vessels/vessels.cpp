@@ -118,7 +118,7 @@ void add_vessels(CLI::App& app, Invocation& invocation) {
       ->type_name("SCAN");
   command->add_option("--unit", options->unit, "Unit of a surface's or a centreline's lengths")
       ->capture_default_str()
-      ->type_name("mm|cm|m");
+      ->type_name("mm|cm|m|um");
   command
       ->add_option(
           "--frame", options->frame,

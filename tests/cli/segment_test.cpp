@@ -189,7 +189,7 @@ TEST_F(SegmentCommand, VesselsOfOtherProgramsMakeTheSameFolder) {
   json_of("vessels @/vessels/tree.vtp -o @/vessels -q");
   EXPECT_FALSE(fs::exists(folder_ / "vessels" / "mask.nrrd"));
   EXPECT_THAT(run("vessels @/truth/surface.vtp -o @/none --unit inch").err,
-              HasSubstr("--unit inch: must be mm, cm or m"));
+              HasSubstr("--unit inch: must be mm, cm, m or um"));
   EXPECT_FALSE(fs::exists(folder_ / "none"));
 }
 

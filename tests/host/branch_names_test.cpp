@@ -79,7 +79,11 @@ TEST(BranchNames, BadFilesSayWhatIsWrong) {
     return complaint([&] { read_tree(folder / "tree.json"); });
   };
   EXPECT_THAT(of("[]"), HasSubstr("\"names\" is not a list"));
-  EXPECT_THAT(of("{"), HasSubstr("\"names\" is not a list"));
+  EXPECT_THAT(of("{\"names\": [\n  {\"branch\": 1, \"name\": \"a\"}\n  {\"branch\": 2, \"name\": \"b\"}\n]}"),
+              HasSubstr("names.json: line 3: no valid JSON; look for a comma"));
+  EXPECT_THAT(of("{\n"), HasSubstr("line 2: no valid JSON"));
+  EXPECT_THAT(of("{\"names\": [\n{\"branch\": 1, \"name\": \"a\n}]}"), HasSubstr("line 2: no valid JSON"));
+  EXPECT_THAT(of("{\"names\": [{\"branch\": 1e999, \"name\": \"a\"}]}"), HasSubstr("a number is too large"));
   const auto of_entry = [&](const std::string& entry) { return of("{\"names\": [" + entry + "]}"); };
   EXPECT_THAT(of_entry("3"), HasSubstr("either \"branch\" or \"at_mm\""));
   EXPECT_THAT(of_entry(R"({"name": "a"})"), HasSubstr("either \"branch\" or \"at_mm\""));

@@ -54,6 +54,10 @@ TEST(CentrelineFiles, GivenRadiusFillsInWhatIsUnknown) {
   options.radius_mm = 1.5;
   EXPECT_THAT(read("a.swc", "1 0 0 0 0 0 -1\n2 0 0 0 4 2 1\n", options)[0].radii_mm, ElementsAre(1.5, 2));
   EXPECT_THAT(read("a.csv", "x,y,z\n0,0,0\n1,0,0\n", options)[0].radii_mm, ElementsAre(1.5, 1.5));
+  // A gap in a vessel's radii is no stenosis.
+  EXPECT_THAT(
+      read("a.csv", "x,y,z,radius\n0,0,0,0\n1,0,0,7\n2,0,0,0\n3,0,0,nan\n4,0,0,4\n", options)[0].radii_mm,
+      ElementsAre(1.5, 7, 6, 5, 4));
 }
 
 // ---- CSV ------------------------------------------------------------------------------------------------

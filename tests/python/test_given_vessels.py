@@ -55,7 +55,7 @@ def test_branches_have_names(tmp_path):
 
 def test_bad_requests(tmp_path):
     tube(tmp_path / "tube.ply")
-    for arguments, words in [(dict(unit="inch"), "unit inch: must be mm, cm or m"),
+    for arguments, words in [(dict(unit="inch"), "unit inch: must be mm, cm, m or um"),
                              (dict(frame="left"), "frame left: must be lps or ras"),
                              (dict(triangles=5), "triangles 5: must be 100 or more"),
                              (dict(radius_mm=-1.0), "radius_mm -1: must be above zero")]:

@@ -166,6 +166,84 @@ TEST(Centrelines, OfASmallBranchOnAWideVesselStay) {
   EXPECT_EQ(extract_centrelines(vessel, "vessel").tree.branches().size(), 3U);
 }
 
+TEST(Centrelines, OfAWideVesselPassItsBranchesStraight) {
+  const glm::dvec3 axis(30.3, 30.7, 0);
+  const Mask vessel = mask_where({.size = {80, 60, 150}}, [&](const glm::dvec3& p) {
+    const bool is_trunk = p.z >= 8 && p.z <= 142 && std::hypot(p.x - axis.x, p.y - axis.y) < 10;
+    const auto is_branch = [&](double z, double towards) {
+      const double along = (p.x - axis.x) * towards;
+      return along > 0 && along < 28 && std::hypot(p.y - axis.y, p.z - z - 0.4 * along) < 3;
+    };
+    return is_trunk || is_branch(50, 1) || is_branch(62, -1) || is_branch(100, 1);
+  });
+  const VesselTree tree = extract_centrelines(vessel, "vessel").tree;
+  ASSERT_EQ(tree.branches().size(), 7U);
+  double off_vox = 0;
+  int trunks = 0;
+  for (const VesselBranch& branch : tree.branches()) {
+    if (branch.points[branch.points.size() / 2].radius_mm < 8) continue;
+    ++trunks;
+    for (const VesselPoint& point : branch.points)
+      off_vox = std::max(off_vox, glm::distance(glm::dvec2(point.position_mm), glm::dvec2(axis)));
+  }
+  EXPECT_EQ(trunks, 4);
+  // Thinned lines bend by 2 voxels towards each branch; where it opens, the middle of the lumen does by a
+  // little.
+  EXPECT_LT(off_vox, 0.7);
+}
+
+TEST(Centrelines, ReachTheScansSideWhereAVesselLeavesIt) {
+  // An arc about the y axis' direction that leaves the grid at its last slice, obliquely.
+  constexpr double kArc = 60, kRadius = 8;
+  const auto off = [&](const glm::dvec3& p) {
+    return std::hypot(std::hypot(p.x - 5, p.z - 5) - kArc, p.y - 20);
+  };
+  const Mask tube = mask_where({.size = {90, 40, 50}},
+                               [&](const glm::dvec3& p) { return p.x > 5 && p.z > 14 && off(p) < kRadius; });
+  const VesselTree tree = extract_centrelines(tube, "tube").tree;
+  ASSERT_EQ(tree.branches().size(), 1U);
+  const auto& points = tree.branches()[0].points;
+  const VesselPoint& end =
+      points.front().position_mm.z > points.back().position_mm.z ? points.front() : points.back();
+  EXPECT_GT(end.position_mm.z, 49 - 2 * 0.75);  // within two steps of the last slice
+  // The side cuts it obliquely: its last cross-sections are not whole, and their middles are elsewhere.
+  EXPECT_LT(off(end.position_mm), 0.4 * kRadius);
+}
+
+TEST(Centrelines, OfALumenWithAFoldKeepItsRadius) {
+  constexpr double kRadius = 10;
+  const Mask aorta = mask_where({.size = {50, 50, 120}}, [&](const glm::dvec3& p) {
+    const double x = p.x - 25, y = p.y - 25;
+    const bool is_fold = std::abs(p.z - 60) < 8 && std::abs(x) < 1 && y < 4;
+    return std::hypot(x, y) < kRadius && p.z > 8 && p.z < 112 && !is_fold;
+  });
+  const VesselTree tree = extract_centrelines(aorta, "aorta").tree;
+  int points = 0;
+  for (const VesselBranch& branch : tree.branches())
+    for (const VesselPoint& point : branch.points) {
+      if (std::abs(point.position_mm.z - 60) > 6) continue;
+      ++points;
+      // Beside a fold up to its middle, half of the rays end at the fold.
+      EXPECT_GT(point.radius_mm, 0.6 * kRadius) << point.position_mm.z;
+    }
+  EXPECT_GT(points, 10);
+}
+
+TEST(Centrelines, OfAWideVesselKeepABulgeWhereABranchLeaves) {
+  const Mask vessel = mask_where({.size = {80, 60, 150}}, [](const glm::dvec3& p) {
+    const double bulge = 6 * std::exp(-0.5 * (p.z - 70) * (p.z - 70) / 64);
+    return (p.z >= 8 && p.z <= 142 && std::hypot(p.x - 30, p.y - 30) < 8 + bulge) ||
+           (p.x > 30 && p.x < 66 && std::hypot(p.y - 30, p.z - 70) < 2.5);
+  });
+  const VesselTree tree = extract_centrelines(vessel, "vessel").tree;
+  ASSERT_EQ(tree.branches().size(), 3U);
+  double widest = 0;
+  for (const VesselBranch& branch : tree.branches())
+    for (const VesselPoint& point : branch.points) widest = std::max(widest, point.radius_mm);
+  // 14 voxels, but for smoothing along the line over some three.
+  EXPECT_NEAR(widest, 14, 1.5);
+}
+
 /// The centrelines of straight branches side by side.
 Centrelines comb(int branches, int loops) {
   std::vector<VesselBranch> all{{{{{0, 0, 0}, 1}, {{0, 0, 9}, 1}}, -1, {}, {}}};

@@ -144,7 +144,7 @@ TEST_F(EditedNamesOfAFolder, AreNotLostWhereTheyCannotBeRead) {
     EXPECT_FALSE(names.is_all_taken);
   };
   edit("{\"names\": [{\"branch\": 1, \"name\": \"below\"");
-  expect_kept("\"names\" is not a list");
+  expect_kept("line 1: no valid JSON");
   edit(R"({"names": [{"branch": 1, "name": "below"}]})");
   std::filesystem::remove(folder_ / "tree.json");
   expect_kept("no such file");

@@ -125,6 +125,34 @@ TEST_F(GivenVessels, SurfacesOfOverlappingTubesAreTheirTrees) {
   }
 }
 
+TEST_F(GivenVessels, LinesOfAnUnevenSurfaceDoNotMeander) {
+  // As a dissected aorta: far from round, and otherwise at every place. Tubes fit to it in many ways.
+  for (const double phase : {0.0, 1.0, 2.0}) {
+    VesselBranch branch;
+    for (int z = 0; z <= 160; ++z) branch.points.push_back({{0, 0, z}, 10});
+    Mesh wall = tube_mesh(VesselTree({branch}, "aorta"), 48);
+    for (glm::vec3& p : wall.points_mm) {
+      const double angle = std::atan2(p.y, p.x);
+      const auto wider = static_cast<float>(1 + 0.2 * std::cos(2 * angle + p.z / 9 + phase) +
+                                            0.12 * std::sin(3 * angle - p.z / 5));
+      p.x *= wider;
+      p.y *= wider;
+    }
+    write_mesh(wall, path("uneven.vtp"));
+    const VesselTree tree = vessels_of("uneven.vtp").centrelines.tree;
+    double length_mm = 0, chords_mm = 0;
+    for (const VesselBranch& found : tree.branches()) {
+      length_mm += found.arc_length_mm.back();
+      chords_mm += glm::distance(found.points.front().position_mm, found.points.back().position_mm);
+    }
+    EXPECT_LE(tree.branches().size(), 3U) << phase;
+    EXPECT_GT(chords_mm, 130) << phase;
+    // The middle of such a lumen itself wanders by a tenth of the radius; before, lines were half as long
+    // again.
+    EXPECT_LT(length_mm, 1.1 * chords_mm) << phase;
+  }
+}
+
 TEST_F(GivenVessels, UnitAndFrameAreGivenOrTheFiles) {
   const VesselTree truth = tree_of(4);
   Mesh mesh = tube_mesh(truth);
@@ -204,6 +232,18 @@ TEST_F(GivenVessels, MasksOfLabelledStructuresAreVessels) {
   GivenVesselsRequest other;
   other.labels = {"iliac_artery_left"};
   EXPECT_THAT(complaint("all.nrrd", other), HasSubstr("no voxel has this label; the file has 1, 52 (aorta)"));
+  // A scan in place of a mask, and a folder of masks without a label.
+  for (std::int64_t i = 0; i < 700; ++i)
+    labels.hu()[static_cast<std::size_t>(i)] = static_cast<std::int16_t>(i - 350);
+  std::filesystem::create_directory(path("masks"));
+  write_volume(labels, path("masks/mask_aorta.nrrd"), unheard);
+  EXPECT_THAT(complaint("masks/mask_aorta.nrrd"),
+              HasSubstr("no mask but a scan, with values from -350 to 349"));
+  EXPECT_THAT(complaint("masks"),
+              HasSubstr("give one of its masks, or by `labels` those that are vessels: mask_aorta"));
+  other.labels = {"spleen"};
+  EXPECT_THAT(complaint("masks", other),
+              HasSubstr("`labels` spleen: the folder has no file of that name; it has mask_aorta"));
   other.labels = {"aotra"};
   EXPECT_THAT(complaint("all.nrrd", other),
               HasSubstr("`labels` aotra: must be a number above zero, or one of aorta"));
@@ -324,6 +364,10 @@ TEST_F(GivenVessels, RefusesWhatIsNoVessel) {
   aorta.labels = {"aorta"};
   EXPECT_THAT(complaint("tubes.vtp", aorta), HasSubstr("which is no mask"));
   EXPECT_THROW(unit_mm("inch"), InputError);
+  EXPECT_EQ(unit_mm("um"), 0.001);
+  // Centimetres taken for millimetres.
+  write("cm.csv", "x,y,z,radius\n0,0,0,0.7\n10,0,0,0.5\n");
+  EXPECT_THAT(vessels_of("cm.csv").notes, testing::Contains(HasSubstr("are in cm, give `unit` cm")));
   EXPECT_THROW(patient_frame("left"), InputError);
 }
 

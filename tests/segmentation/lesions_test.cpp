@@ -237,6 +237,28 @@ TEST_F(StraightArtery, NamesAndTheRestOfTheTreeStay) {
   EXPECT_NEAR(branches[0].arc_length_mm.back() + branches[1].arc_length_mm.back(), 60, 1e-9);
 }
 
+TEST(Lesions, OfAnAortaThatIsNotRoundNarrowItsMaskToo) {
+  // An ellipse; the nearest wall of its throat is that of its shoulders.
+  const TemporaryFolder folder;
+  VesselBranch branch{.points = {}, .parent = -1, .children = {}, .arc_length_mm = {}, .name = "aorta"};
+  for (int i = 0; i <= 120; ++i) branch.points.push_back({{0, 0, double(i)}, 16});
+  const VesselTree tree({branch}, "aorta");
+  write_folder(tree, 1, folder.path());
+  const Mask mask = mask_where(grid_around_tree(tree, 1), [](const glm::dvec3& p) {
+    return p.z > 0 && p.z < 120 && std::hypot(p.x / 21, p.y / 14.5) < 1;
+  });
+  write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
+  write_mesh(surface_of(mask, 40'000), folder / "surface.vtp");
+  const EditedVessels found = edited(folder.path(), {.stenoses = {{"aorta", 60, 40, 50}}});
+  const double whole_mm2 = kPi * 21 * 14.5;
+  for (const double from_throat_mm : {0.0, 5.0, 10.0, 15.0}) {
+    const double left = 1 - 0.25 * (1 + std::cos(2 * kPi * from_throat_mm / 40));
+    // Voxels of 1 mm along a wall that runs at 40 degrees.
+    EXPECT_NEAR(slice_mm2(found.vessels.fill, 60 + from_throat_mm) / whole_mm2, left * left, 0.06)
+        << from_throat_mm;
+  }
+}
+
 TEST(Lesions, ChangeNothingElsewhere) {
   for (std::uint32_t seed = 1; seed <= 3; ++seed) {
     SCOPED_TRACE(seed);

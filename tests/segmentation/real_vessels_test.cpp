@@ -42,6 +42,9 @@ std::int64_t count(const Mask& mask, const Counts& counts) {
 
 class ThoraxCta : public RealVessels {
  protected:
+  /// A flat cross-section's radius over that of the sphere in it, which the largest radius limits.
+  static constexpr double kFlatter = 1.3;
+
   Mask mask(const std::string& name) const {
     return between(read_scan(kData / "thorax-cta" / ("mask_" + name + ".nii.gz")).volume, 1, 32767);
   }
@@ -86,7 +89,7 @@ TEST_F(ThoraxCta, ASeedFindsTheTrueLumenOfADissectedAorta) {
   EXPECT_LE(count(result, [&](std::size_t i) { return spine.voxels[i] != 0; }), spine.count() / 100);
   const Centrelines centrelines = extract_centrelines(result, "scan");
   for (const VesselBranch& branch : centrelines.tree.branches())
-    for (const VesselPoint& point : branch.points) ASSERT_LE(point.radius_mm, 17);
+    for (const VesselPoint& point : branch.points) ASSERT_LE(point.radius_mm, kFlatter * 17);
 }
 
 TEST_F(ThoraxCta, WithoutASeedTheLumenIsThereAndTheSpineIsNot) {
@@ -112,7 +115,7 @@ TEST_F(ThoraxCta, ASmallerRadiusTakesOffMoreAndLeavesNothingWider) {
     before = result.count();
     const Centrelines centrelines = extract_centrelines(result, "scan");
     for (const VesselBranch& branch : centrelines.tree.branches())
-      for (const VesselPoint& point : branch.points) ASSERT_LE(point.radius_mm, radius_mm);
+      for (const VesselPoint& point : branch.points) ASSERT_LE(point.radius_mm, kFlatter * radius_mm);
     // The radius of the aorta is up to 15 mm. 87 % when this was written, with each of the radii above that.
     const std::int64_t hits = count(result, [&](std::size_t i) { return lumen.voxels[i] != 0; });
     EXPECT_GE(static_cast<double>(hits), radius_mm > 15 ? 0.85 * static_cast<double>(lumen.count()) : 0)

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -466,6 +467,103 @@ TEST(TemporalFilter, NoiseFalls) {
   const std::vector<double> average(filter.average().begin(), filter.average().end());
   // What is taken for lines by chance takes a tenth of it.
   EXPECT_LT(std::pow(spread_of(average) / 0.1, 2), 0.3);
+}
+
+/// As at the side of the lung, and beside blades, behind which nothing changes.
+TEST(TemporalFilter, NoiseFallsBesideOtherNoise) {
+  std::mt19937 random(4);
+  std::normal_distribution<float> normal(0, 1);
+  TemporalFilter filter(kSize);
+  const auto noise_at = [](int i) {
+    return i < kSize.width / 3 ? 0.0f : i < 2 * kSize.width / 3 ? 0.15f : 0.05f;
+  };
+  for (int frame = 0; frame < 12; ++frame)
+    filter.add(plane_of([&](int i, int) { return 5 + noise_at(i) * normal(random); }));
+  for (const int border : {kSize.width / 3, 2 * kSize.width / 3})
+    for (const int from : {border - 24, border}) {
+      if (noise_at(from) == 0) continue;
+      std::vector<double> band;
+      for (int j = 0; j < kSize.height; ++j)
+        for (int i = from; i < from + 24; ++i)
+          band.push_back(filter.average()[kSize.row(j) + static_cast<std::size_t>(i)]);
+      // 0.25 where the noise is even; the ramps between cells take a part of the other side's.
+      EXPECT_LT(std::pow(spread_of(band) / noise_at(from), 2), 0.45) << border << " " << from;
+    }
+}
+
+/// Sides of what has moved are no lines, and stayed as its outline, frame after frame.
+TEST(TemporalFilter, WhatHasMovedLeavesNoOutline) {
+  constexpr int kFrames = 14, kStep = 16;
+  std::mt19937 random(5);
+  std::normal_distribution<float> normal(0, 0.02f);
+  TemporalFilter filter(kSize);
+  const auto wire_at = [&](int frame, int i) {
+    const double from = i - (40.0 + kStep * frame);
+    return -0.5 * std::exp(-0.5 * from * from / 4);  // some five pixels wide
+  };
+  for (int frame = 0; frame < kFrames; ++frame)
+    filter.add(
+        plane_of([&](int i, int) { return static_cast<float>(5 + wire_at(frame, i)) + normal(random); }));
+  // Where it was in the frames before the last two, nothing of its half is seen.
+  for (int frame = kFrames - 6; frame < kFrames - 2; ++frame)
+    for (int by = -6; by <= 6; ++by) {
+      double sum = 0;
+      for (int j = 0; j < kSize.height; ++j)
+        sum +=
+            filter.average()[kSize.row(j) + static_cast<std::size_t>(40 + kStep * frame + by)] / kSize.height;
+      // A twenty-fifth of the wire; noise of a column's mean is 0.001.
+      EXPECT_NEAR(sum, 5, 0.02) << frame << " " << by;
+    }
+}
+
+TEST(DisplayChain, TheBladesLeaveNoFrame) {
+  constexpr int kSide = 480;
+  FluoroscopyOptions options;
+  options.c_arm = CArm::named("mobile-flat-panel");
+  const View view{.cone = options.c_arm.distances, .width = kSide, .height = kSide, .pixel_mm = 0.4};
+  const std::vector<float> tau(std::size_t{kSide} * kSide, 4.0f);
+  for (const bool is_turned : {false, true}) {
+    options.collimation = Collimation{120, 90, is_turned ? 0.3 : 0.0};
+    Fluoroscope fluoroscope(options, view, WaterPath(Opacity("water", {{-1000, 0}, {0, 0.02}})));
+    fluoroscope.settle(tau);
+    const std::vector<std::uint8_t> shown = fluoroscope.expose(tau).shown;
+    // Means of rings of pixels about as far from the blades.
+    std::array<double, 14> sums{}, counts{};
+    for (int j = 0; j < kSide; ++j)
+      for (int i = 0; i < kSide; ++i) {
+        const double x = (i + 0.5 - kSide / 2) * 0.4, y = (kSide / 2 - j - 0.5) * 0.4;
+        const double c = std::cos(options.collimation->turn_rad), s = std::sin(options.collimation->turn_rad);
+        const double inside = std::min(60 - std::abs(c * x + s * y), 45 - std::abs(c * y - s * x)) / 0.4;
+        if (inside < 3 || inside >= 3 + std::ssize(sums)) continue;
+        const auto ring = static_cast<std::size_t>(inside - 3);
+        sums[ring] += shown[static_cast<std::size_t>(j * kSide + i)];
+        counts[ring] += 1;
+      }
+    for (std::size_t ring = 0; ring + 1 < sums.size(); ++ring)
+      // Noise of a ring's mean is 0.5; the frame had 8 to 15 greys.
+      EXPECT_NEAR(sums[ring] / counts[ring], sums.back() / counts.back(), 3) << ring << " pixels";
+  }
+}
+
+TEST(DisplayChain, ThePictureHasNoFrame) {
+  FluoroscopyOptions options;
+  options.c_arm = CArm::named("fixed-single-plane");
+  constexpr int kWidth = 620, kHeight = 480;
+  const double pixel_mm = options.c_arm.detector.width_mm / kWidth;
+  const View view{.cone = options.c_arm.distances, .width = kWidth, .height = kHeight, .pixel_mm = pixel_mm};
+  options.field_mm = options.c_arm.detector.width_mm;
+  Fluoroscope fluoroscope(options, view, WaterPath(Opacity("water", {{-1000, 0}, {0, 0.02}})));
+  const std::vector<float> tau(std::size_t{kWidth} * kHeight, 4.0f);
+  fluoroscope.settle(tau);
+  const std::vector<std::uint8_t> shown = fluoroscope.expose(tau).shown;
+  const auto column = [&](int i) {
+    double sum = 0;
+    for (int j = 100; j < 380; ++j) sum += shown[static_cast<std::size_t>(j * kWidth + i)] / 280.0;
+    return sum;
+  };
+  // Noise of a column's mean is 1; the frame had 20 to 60 greys.
+  for (const int i : {0, 1, kWidth - 2, kWidth - 1})
+    EXPECT_NEAR(column(i), column(i < 10 ? 20 : kWidth - 21), 4) << i;
 }
 
 TEST(DisplayChain, BehindTheBladesItIsBlack) {

@@ -29,7 +29,8 @@ sources="
   viewer/xraycast/fluoroscope/absorption_stage viewer/xraycast/fluoroscope/beam viewer/xraycast/fluoroscope/blur
   viewer/xraycast/fluoroscope/blur_stage viewer/xraycast/fluoroscope/c_arm viewer/xraycast/fluoroscope/collimation
   viewer/xraycast/fluoroscope/detected_spectrum viewer/xraycast/fluoroscope/detector_view
-  viewer/xraycast/display/cell_ramps viewer/xraycast/display/display_chain viewer/xraycast/display/display_loops
+  viewer/xraycast/display/between_blades viewer/xraycast/display/cell_ramps viewer/xraycast/display/display_chain
+  viewer/xraycast/display/display_loops
   viewer/xraycast/display/display_window viewer/xraycast/display/dynamic_range
   viewer/xraycast/display/edge_enhancement
   viewer/xraycast/display/starved_pixels viewer/xraycast/display/temporal_filter

@@ -77,6 +77,7 @@ class CentrelineCompletion {
       if (!options_.radius_mm) throw InputError("{}: has no radii; give `radius_mm`, in mm", field);
       line.radii_mm.assign(line.points_mm.size(), 0);
     }
+    if (options_.radius_mm) fill_gaps(line.radii_mm);
     for (std::size_t k = 0; k < line.points_mm.size(); ++k) {
       line.points_mm[k] = scaled(line.points_mm[k], field, k);
       line.radii_mm[k] = scaled_radius(line.radii_mm[k], field, k);
@@ -84,6 +85,19 @@ class CentrelineCompletion {
   }
 
  private:
+  /// Between points that have radii the others' are in between.
+  static void fill_gaps(std::vector<double>& radii) {
+    const auto is_known = [](double radius) { return radius > 0; };
+    for (auto known = std::ranges::find_if(radii, is_known); known != radii.end();) {
+      const auto next = std::find_if(known + 1, radii.end(), is_known);
+      if (next == radii.end()) return;
+      for (auto between = known + 1; between != next; ++between)
+        *between = std::lerp(*known, *next,
+                             static_cast<double>(between - known) / static_cast<double>(next - known));
+      known = next;
+    }
+  }
+
   glm::dvec3 scaled(glm::dvec3 point, const std::string& field, std::size_t k) const {
     point *= options_.scale_mm * glm::dvec3(sign_, sign_, 1);
     for (int axis = 0; axis < 3; ++axis) {
@@ -91,8 +105,8 @@ class CentrelineCompletion {
         throw InputError("{}: point {} is not finite; correct the file", field, k);
       if (std::abs(point[axis]) > kFarthest_mm)
         throw InputError(
-            "{}: point {} lies {:g} mm from the origin, more than {:g}; give `unit`, the mm in "
-            "the file's unit",
+            "{}: point {} lies {:g} mm from the origin, more than {:g}; give `unit`, "
+            "that of the file",
             field, k, std::abs(point[axis]), kFarthest_mm);
     }
     return point;
@@ -108,8 +122,8 @@ class CentrelineCompletion {
     radius *= options_.scale_mm;
     if (!(radius <= kLargestRadius_mm))
       throw InputError(
-          "{}: point {}: the radius {:g} mm is more than {:g}; give `unit`, the mm in the "
-          "file's unit",
+          "{}: point {}: the radius {:g} mm is more than {:g}; give `unit`, that of "
+          "the file",
           field, k, radius, kLargestRadius_mm);
     if (!(radius > 0))
       throw InputError("{}: point {}: the radius is too small; give a larger `unit`", field, k);

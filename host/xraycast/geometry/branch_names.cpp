@@ -97,7 +97,7 @@ std::string vessel_name_of(std::string_view text) {
 
 VesselTree read_names(const VesselTree& tree, const std::filesystem::path& path) {
   const std::string file = path.string();
-  const nlohmann::json document = parse_json(read_whole_file(path), file);
+  const nlohmann::json document = parse_edited_json(read_whole_file(path), file);
   if (!document.is_object() || !document.contains("names") || !document["names"].is_array())
     throw InputError("{}: \"names\" is not a list; correct or delete the file", file);
   std::vector<std::string> names;

@@ -281,6 +281,13 @@ Scan open_scan_of(const CastRequest& request, const MotionOfRequest& motion, con
   Scan scan = open(progress);
   if (!request.without_vessels.empty()) {
     const std::filesystem::path file = request.without_vessels / "mask.nrrd";
+    std::error_code error;
+    if (std::filesystem::is_directory(request.without_vessels, error) &&
+        !std::filesystem::exists(file, error))
+      throw InputError(
+          "`without_vessels` {}: the folder has no mask of the vessels; make it by `segment`, or by "
+          "`vessels` with `like`",
+          request.without_vessels.string());
     const Scan vessels = open_scan(file, {}, progress);
     check_mask_grid(vessels.source->geometry(), scan.source->geometry(),
                     "`without_vessels` " + file.string());

@@ -10,7 +10,13 @@
 #include "xraycast/given_vessels/vessels_of_surface.hpp"
 #include "xraycast/vessel_names/artery_names.hpp"
 
+#include <fmt/format.h>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace xraycast {
 namespace {
@@ -52,6 +58,25 @@ Vessels with_note_on_loops(const std::string& name, Vessels vessels) {
   return vessels;
 }
 
+/// Thinner than vessels of a body are, and shorter: as those of a file in cm are.
+void note_on_size(const std::string& name, Vessels& vessels) {
+  constexpr double kLong_mm = 100, kWide_mm = 1.5;
+  glm::dvec3 low(std::numeric_limits<double>::infinity()), high(-low);
+  double widest_mm = 0;
+  for (const VesselBranch& branch : vessels.centrelines.tree.branches())
+    for (const VesselPoint& point : branch.points) {
+      low = glm::min(low, point.position_mm);
+      high = glm::max(high, point.position_mm);
+      widest_mm = std::max(widest_mm, 2 * point.radius_mm);
+    }
+  const double long_mm = glm::distance(low, high);
+  if (long_mm < kLong_mm && widest_mm < kWide_mm)
+    vessels.notes.push_back(fmt::format(
+        "{}: the vessels are at most {:.1f} mm wide, and {:.0f} mm long in all; if the file's lengths "
+        "are in cm, give `unit` cm",
+        name, widest_mm, long_mm));
+}
+
 Vessels of_lines(const GivenVesselsRequest& request, const GivenVesselsOptions& options, const Volume* scan,
                  Progress& progress) {
   const std::string name = request.input.string();
@@ -74,7 +99,8 @@ double unit_mm(const std::string& name) {
   if (name == "mm") return 1;
   if (name == "cm") return 10;
   if (name == "m") return 1000;
-  throw InputError("`unit` {}: must be mm, cm or m", printable(name));
+  if (name == "um") return 0.001;
+  throw InputError("`unit` {}: must be mm, cm, m or um", printable(name));
 }
 
 PatientFrame patient_frame(const std::string& name) {
@@ -124,6 +150,9 @@ Vessels given_vessels(const GivenVesselsRequest& request, const Volume* scan, Pr
   check(request);
   const CancelScope scope(progress);
   Vessels found = vessels_of(request, scan, progress);
+  // Folders of this program are in mm.
+  if (scan == nullptr && !is_mask(request) && !is_tree_folder(request.input) && request.unit_mm == 1)
+    note_on_size(request.input.string(), found);
   found.centrelines.tree = with_artery_names(found.centrelines.tree);
   return found;
 }

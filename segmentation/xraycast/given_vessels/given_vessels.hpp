@@ -22,7 +22,7 @@ struct GivenVesselsRequest {
   GivenVesselsOptions options;             ///< its grid is set from the scan
 };
 
-/// A unit's length by its name: mm, cm or m. Throws InputError.
+/// A unit's length by its name: mm, cm, m or um. Throws InputError.
 double unit_mm(const std::string& name);
 
 /// A frame by its name: lps or ras. Throws InputError.

@@ -13,9 +13,12 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <iterator>
 #include <map>
 #include <optional>
+#include <ranges>
 #include <set>
 
 namespace xraycast {
@@ -23,9 +26,64 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Volume read_values(const fs::path& file, Progress& progress) {
+/// Masks hold a few labels, scans of CT numbers hundreds of values.
+void check_is_mask(const Volume& values, const fs::path& file) {
+  constexpr std::size_t kMostLabels = 256;
+  std::vector<bool> is_there(1 << 16);
+  for (const std::int16_t value : values.hu()) is_there[static_cast<std::uint16_t>(value)] = true;
+  if (static_cast<std::size_t>(std::ranges::count(is_there, true)) <= kMostLabels) return;
+  const auto [least, most] = std::ranges::minmax(values.hu());
+  throw InputError("{}: no mask but a scan, with values from {} to {}; find its vessels by `segment`",
+                   file.string(), least, most);
+}
+
+std::vector<std::string> warnings_of(const Scan& scan, const fs::path& file) {
+  std::vector<std::string> warnings;
+  for (const std::string& warning : scan.info.warnings)
+    warnings.push_back(fmt::format("{}: {}", file.string(), warning));
+  return warnings;
+}
+
+/// The values of a mask; adds notes on where it lies.
+Volume read_values(const fs::path& file, Progress& progress, std::vector<std::string>& notes) {
   const Scan scan = open_scan(file, {}, progress);
-  return collect(*scan.source, progress, file.string());
+  Volume values = collect(*scan.source, progress, file.string());
+  check_is_mask(values, file);
+  std::ranges::copy(warnings_of(scan, file), std::back_inserter(notes));
+  return values;
+}
+
+/// The names, up to the first dot, of a folder's files that may be masks, at most twenty.
+std::string masks_in(const fs::path& folder) {
+  constexpr std::array<std::string_view, 6> kEndings{".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd"};
+  std::set<std::string> names;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string file = entry.path().filename().string();
+    if (entry.is_regular_file(error) &&
+        std::ranges::any_of(kEndings, [&](std::string_view ending) { return file.ends_with(ending); }))
+      names.insert(printable(file.substr(0, file.find('.'))));
+  }
+  constexpr std::size_t kMost = 20;
+  return fmt::format("{}", fmt::join(names | std::views::take(kMost), ", "));
+}
+
+/// What `read` returns. A folder that is no scan's, but has masks, is told what it has.
+template <typename Read>
+auto with_masks_told(const fs::path& path, const std::vector<std::string>& labels, const Read& read) {
+  std::error_code error;
+  if (!fs::is_directory(path, error)) return read();
+  try {
+    return read();
+  } catch (const InputError&) {
+    const std::string masks = masks_in(path);
+    if (masks.empty()) throw;
+    if (labels.empty())
+      throw InputError("{}: a folder; give one of its masks, or by `labels` those that are vessels: {}",
+                       path.string(), masks);
+    throw InputError("{}: `labels` {}: the folder has no file of that name; it has {}", path.string(),
+                     printable(labels.front()), masks);
+  }
 }
 
 /// The files of a folder whose names, up to the first dot, are the labels', in their order; nothing for a
@@ -70,11 +128,13 @@ LabelledMask empty_mask(const VolumeGeometry& grid) {
 LabelledMask united_files(const std::vector<fs::path>& files, Progress& progress) {
   std::optional<LabelledMask> all;
   for (const fs::path& file : files) {
-    const Mask mask = between(read_values(file, progress), 1, kMaxHu);
+    std::vector<std::string> notes;
+    const Mask mask = between(read_values(file, progress, notes), 1, kMaxHu);
     if (!all) all = empty_mask(mask.geometry);
     check_mask_grid(mask.geometry, all->mask.geometry, file.string());
     const std::string name = file.filename().string();
     add_structure(mask, name_of_structure(name.substr(0, name.find('.'))), *all);
+    all->notes.insert(all->notes.end(), notes.begin(), notes.end());
   }
   return *std::move(all);
 }
@@ -113,6 +173,7 @@ LabelledMask labelled(const fs::path& file, const std::vector<std::string>& labe
         file.string());
   const Volume values = collect(*scan.source, progress, file.string());
   LabelledMask all = empty_mask(values.geometry());
+  all.notes = warnings_of(scan, file);
   for (const std::string& label : labels) {
     const int number = number_of(label, file);
     const Mask of_label = between(values, number, number);
@@ -141,12 +202,17 @@ LabelledMask of_seg(const fs::path& path, const std::vector<std::string>& labels
 LabelledMask read_labelled_mask(const fs::path& path, const std::vector<std::string>& labels,
                                 Progress& progress) {
   if (is_seg_file(path)) return of_seg(path, labels);
-  if (labels.empty()) return {between(read_values(path, progress), 1, kMaxHu), {}, {}};
+  if (labels.empty())
+    return with_masks_told(path, labels, [&] {
+      LabelledMask all{Mask(VolumeGeometry{}), {}, {}};
+      all.mask = between(read_values(path, progress, all.notes), 1, kMaxHu);
+      return all;
+    });
   if (labels.size() > 255) throw InputError("`labels`: {} were given, but at most 255 can be", labels.size());
   if (fs::is_directory(path))
     if (const std::vector<fs::path> files = files_of(path, labels); !files.empty())
       return united_files(files, progress);
-  return labelled(path, labels, progress);
+  return with_masks_told(path, labels, [&] { return labelled(path, labels, progress); });
 }
 
 }  // namespace xraycast

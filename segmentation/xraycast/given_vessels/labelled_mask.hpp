@@ -15,6 +15,7 @@ struct LabelledMask {
   Mask mask;
   std::vector<std::uint8_t> structures;  ///< for each voxel, the number of its name from 1 on; none: unknown
   std::vector<std::string> names;        ///< as vessels are named; empty for labels that have none
+  std::vector<std::string> notes{};      ///< on where the file says that it lies
 };
 
 /// The voxels of a file that are above zero; with `labels`, numbers or TotalSegmentator's names of vessels,
@@ -24,7 +25,8 @@ struct LabelledMask {
 ///
 /// Throws InputError, naming the file and the field `labels`: for a label that is not there, which lists
 /// those that are; for labels in a file whose voxels lie oblique to the patient's axes, which would be mixed;
-/// for more than 255 labels; and for files on different grids.
+/// for more than 255 labels; for files on different grids; for a scan, which is no mask; and for a folder of
+/// masks without labels.
 LabelledMask read_labelled_mask(const std::filesystem::path& path, const std::vector<std::string>& labels,
                                 Progress& progress);
 

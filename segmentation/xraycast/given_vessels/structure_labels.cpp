@@ -48,6 +48,8 @@ std::string_view vessel_name(int label) {
 }
 
 std::string name_of_structure(std::string_view name) {
+  constexpr std::string_view kOfFiles = "mask_";  // as in mask_aorta.nii.gz
+  if (name.starts_with(kOfFiles)) name.remove_prefix(kOfFiles.size());
   std::string words(name);
   std::ranges::replace(words, '_', ' ');
   for (const std::string_view side : {" left", " right"})

@@ -34,7 +34,7 @@ LabelledMask on_grid(LabelledMask labelled, const VolumeGeometry& grid) {
                        glm::all(glm::greaterThanEqual(first, Index3(0))) &&
                        glm::all(glm::lessThanEqual(first + own.size, grid.size));
   if (!is_part || own == grid) return labelled;
-  LabelledMask all{Mask(grid), {}, std::move(labelled.names)};
+  LabelledMask all{Mask(grid), {}, std::move(labelled.names), std::move(labelled.notes)};
   all.structures.resize(labelled.structures.empty() ? 0 : all.mask.voxels.size());
   for_each_voxel({{0, 0, 0}, own.size}, [&](const Index3& voxel) {
     const std::size_t from = labelled.mask.offset(voxel), to = all.mask.offset(voxel + first);
@@ -68,7 +68,7 @@ Vessels vessels_of_mask(LabelledMask labelled, const Volume* scan, const GivenVe
                         const std::string& name, Progress& progress) {
   if (scan != nullptr) labelled = on_grid(std::move(labelled), scan->geometry());
   if (scan != nullptr) check_mask_grid(labelled.mask.geometry, scan->geometry(), name);
-  std::vector<std::string> notes;
+  std::vector<std::string> notes = labelled.notes;
   Mask mask = one_component(labelled.mask, options.component_mm, name, notes);
   LumenFill fill = scan != nullptr ? fill_of(*scan, mask) : full_fill(mask);
   Centrelines centrelines = extract_centrelines(mask, name, progress, options.root_mm, &fill);

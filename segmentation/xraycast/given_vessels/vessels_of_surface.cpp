@@ -4,7 +4,6 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/union_find.hpp"
 #include "xraycast/given_vessels/inner_branches.hpp"
-#include "xraycast/given_vessels/junctions.hpp"
 #include "xraycast/given_vessels/one_component.hpp"
 #include "xraycast/given_vessels/surface_crossings.hpp"
 #include "xraycast/given_vessels/surface_distance.hpp"
@@ -12,6 +11,7 @@
 #include "xraycast/given_vessels/surface_repair.hpp"
 #include "xraycast/given_vessels/wall_fit.hpp"
 #include "xraycast/segmentation/surface.hpp"
+#include "xraycast/skeleton/junctions.hpp"
 
 #include <fmt/format.h>
 #include <glm/common.hpp>

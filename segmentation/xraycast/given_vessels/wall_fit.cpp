@@ -14,6 +14,8 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -29,6 +31,7 @@ struct Equations {
   glm::dmat3 place{0};
   glm::dvec3 mixed{0}, place_rhs{0};
   double radius = 0, radius_rhs = 0;  ///< `radius` is the weight of all residuals too
+  double squares_mm2 = 0;             ///< of the residuals
 
   void add(const Equations& other, double weight) {
     place += weight * other.place;
@@ -36,6 +39,7 @@ struct Equations {
     place_rhs += weight * other.place_rhs;
     radius += weight * other.radius;
     radius_rhs += weight * other.radius_rhs;
+    squares_mm2 += weight * other.squares_mm2;
   }
   void add(const glm::dvec3& n, double residual_mm, double weight) {
     place += weight * glm::outerProduct(n, n);
@@ -43,6 +47,7 @@ struct Equations {
     place_rhs += weight * residual_mm * n;
     radius += weight;
     radius_rhs += weight * residual_mm;
+    squares_mm2 += weight * residual_mm * residual_mm;
   }
   /// Held back where the wall tells little of a direction.
   void damp() {
@@ -58,7 +63,7 @@ struct Equations {
 
 class WallFit {
  public:
-  WallFit(std::vector<VesselBranch>& branches, const Mesh& wall) : branches_(branches) {
+  WallFit(std::vector<VesselBranch>& branches, const Mesh& wall) : branches_(branches), given_(branches) {
     constexpr std::size_t kMostPoints = 250'000;
     const std::size_t every = wall.points_mm.size() / kMostPoints + 1;
     for (std::size_t i = 0; i < wall.points_mm.size(); i += every) wall_mm_.emplace_back(wall.points_mm[i]);
@@ -73,6 +78,29 @@ class WallFit {
     for (std::size_t b = 0; b < branches_.size(); ++b) move_along(b, around[b]);
     for (std::size_t b = 0; b < branches_.size(); ++b)
       if (!branches_[b].children.empty()) move_junction(b, around);
+  }
+
+  /// Takes the lines back to where they were given, as far as the wall there is no round tube's, as in a
+  /// dissected aorta: several tubes fit to it equally badly.
+  void take_back() {
+    constexpr double kWidth = 0.8;
+    gather();
+    std::vector<std::vector<double>> trusts;
+    for (std::size_t b = 0; b < branches_.size(); ++b) trusts.push_back(trust_in(b, windows(b, kWidth)));
+    // From junction to junction, each time one branch farther.
+    for (bool has_changed = true; has_changed;) {
+      has_changed = false;
+      for (std::size_t b = 0; b < branches_.size(); ++b) let_change_slowly(points(b), trusts[b]);
+      for (std::size_t b = 0; b < branches_.size(); ++b) has_changed |= share_least(b, trusts);
+    }
+    for (std::size_t b = 0; b < branches_.size(); ++b) {
+      for (std::size_t k = 0; k < points(b).size(); ++k) {
+        const VesselPoint& given = given_[b].points[k];
+        VesselPoint& fitted = points(b)[k];
+        fitted = {glm::mix(given.position_mm, fitted.position_mm, trusts[b][k]),
+                  std::lerp(given.radius_mm, fitted.radius_mm, trusts[b][k])};
+      }
+    }
   }
 
   /// Lets free ends lie a radius from where the wall closes them.
@@ -253,16 +281,46 @@ class WallFit {
   /// Moves all points of a branch but for its junctions.
   void move_along(std::size_t branch, const std::vector<Equations>& around) {
     auto& line = points(branch);
-    std::vector<VesselPoint> moved = line;
+    std::vector<std::optional<glm::dvec3>> steps_mm(line.size());
     for (std::size_t k = 0; k < line.size(); ++k) {
       if (!tells(around[k]) || is_junction(branch, k)) continue;
-      glm::dvec3 step = glm::inverse(around[k].reduced()) * around[k].reduced_rhs();
-      const glm::dvec3 along = direction(branch, k);
-      step = bounded(step - glm::dot(step, along) * along, line[k].radius_mm);
-      moved[k].position_mm += step;
-      change_radius(around[k].radius_step(step), moved[k]);
+      const glm::dvec3 step = glm::inverse(around[k].reduced()) * around[k].reduced_rhs(),
+                       along = direction(branch, k);
+      steps_mm[k] = bounded(step - glm::dot(step, along) * along, line[k].radius_mm);
     }
-    line = std::move(moved);
+    const std::vector<glm::dvec3> even_mm = evened(line, steps_mm);
+    for (std::size_t k = 0; k < line.size(); ++k) {
+      if (!steps_mm[k]) continue;
+      line[k].position_mm += even_mm[k];
+      change_radius(around[k].radius_step(even_mm[k]), line[k]);
+    }
+  }
+
+  /// Steps like those of the points about them: in a fork, where other vessels' walls are as near as a line's
+  /// own, its points would part otherwise, each to another wall.
+  static std::vector<glm::dvec3> evened(const std::vector<VesselPoint>& line,
+                                        const std::vector<std::optional<glm::dvec3>>& steps_mm) {
+    constexpr double kWidth = 0.3, kReach = 2.5;  // in radii, in widths
+    std::vector<glm::dvec3> even_mm(line.size(), glm::dvec3(0));
+    for (std::size_t k = 0; k < line.size(); ++k) {
+      double weights = 0;
+      const auto take = [&](std::size_t j) {
+        const double widths =
+            glm::distance(line[j].position_mm, line[k].position_mm) / (kWidth * line[k].radius_mm);
+        if (widths > kReach) return false;
+        const double weight = std::exp(-0.5 * widths * widths);
+        weights += weight;
+        if (steps_mm[j]) even_mm[k] += weight * *steps_mm[j];
+        return true;
+      };
+      take(k);
+      for (std::size_t j = k; j-- > 0 && take(j);) {
+      }
+      for (std::size_t j = k + 1; j < line.size() && take(j); ++j) {
+      }
+      even_mm[k] /= weights;
+    }
+    return even_mm;
   }
 
   /// Moves the end of a branch with the starts of its children.
@@ -288,6 +346,41 @@ class WallFit {
       point.position_mm += step;
       if (tells(equations)) change_radius(equations.radius_step(step), point);
     });
+  }
+
+  // ---- trust ----------------------------------------------------------------------------------------------
+
+  /// 1 where the wall about a point is a round tube's, 0 where it is not.
+  std::vector<double> trust_in(std::size_t branch, const std::vector<Equations>& around) const {
+    constexpr double kRound = 0.02, kNotRound = 0.05;  // rms of the wall's distance from the tube, in radii
+    std::vector<double> trust;
+    for (std::size_t k = 0; k < around.size(); ++k) {
+      const double rms_mm = std::sqrt(around[k].squares_mm2 / std::max(around[k].radius, 1e-9)),
+                   relative = rms_mm / points(branch)[k].radius_mm;
+      trust.push_back(std::clamp((kNotRound - relative) / (kNotRound - kRound), 0.0, 1.0));
+    }
+    return trust;
+  }
+
+  /// At a junction its vessels stay together. Whether something has changed.
+  bool share_least(std::size_t parent, std::vector<std::vector<double>>& trusts) const {
+    std::vector<double*> meeting{&trusts[parent].back()};
+    for (const int child : branches_[parent].children)
+      meeting.push_back(&trusts[static_cast<std::size_t>(child)].front());
+    const double least = **std::ranges::min_element(meeting, {}, [](const double* trust) { return *trust; });
+    bool has_changed = false;
+    for (double* trust : meeting) has_changed |= std::exchange(*trust, least) != least;
+    return has_changed;
+  }
+
+  /// By 1 along a radius at most, and towards less of it.
+  static void let_change_slowly(const std::vector<VesselPoint>& line, std::vector<double>& trust) {
+    const auto limit = [&](std::size_t k, std::size_t by) {
+      const double change = glm::distance(line[k].position_mm, line[by].position_mm) / line[k].radius_mm;
+      trust[k] = std::min(trust[k], trust[by] + change);
+    };
+    for (std::size_t k = 1; k < line.size(); ++k) limit(k, k - 1);
+    for (std::size_t k = line.size() - 1; k-- > 0;) limit(k, k + 1);
   }
 
   // ---- ends ---------------------------------------------------------------------------------------------
@@ -328,10 +421,25 @@ class WallFit {
   }
 
   std::vector<VesselBranch>& branches_;
+  const std::vector<VesselBranch> given_;
   std::vector<glm::dvec3> wall_mm_;
   std::vector<Touch> touches_;
   std::vector<std::vector<Equations>> equations_;
 };
+
+/// Leaves points out at which a line turns back, as where its end has been moved past them.
+void remove_turns(std::vector<VesselPoint>& line) {
+  for (std::size_t k = 1; k + 1 < line.size();) {
+    const bool turns = glm::dot(line[k].position_mm - line[k - 1].position_mm,
+                                line[k + 1].position_mm - line[k].position_mm) < 0;
+    if (!turns) {
+      ++k;
+      continue;
+    }
+    line.erase(line.begin() + static_cast<std::ptrdiff_t>(k));
+    k = std::max<std::size_t>(k - 1, 1);
+  }
+}
 
 }  // namespace
 
@@ -340,7 +448,9 @@ void fit_to_wall(std::vector<VesselBranch>& branches, const Mesh& wall) {
   WallFit fit(branches, wall);
   for (const double width : {0.4, 0.2})
     for (int i = 0; i < kSteps; ++i) fit.step(width);
+  fit.take_back();
   for (int i = 0; i < 3; ++i) fit.fit_ends();
+  for (VesselBranch& branch : branches) remove_turns(branch.points);
 }
 
 }  // namespace xraycast

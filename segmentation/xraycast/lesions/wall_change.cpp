@@ -221,8 +221,14 @@ LumenSource WallChange::source(const glm::dvec3& point_mm) const {
   using Kind = LumenSource::Kind;
   if (const double far_mm = beyond_mm(point_mm); far_mm > 0) return {.kind = Kind::same, .out_mm = far_mm};
   const TubePlace place = lumens_after_.deepest(point_mm);
-  const auto both = both_at(place);
-  if (!both || (is_beyond(point_mm, both->before) && is_beyond(point_mm, both->after))) return {};
+  // A vessel's own cross-section, as moved() moves it: about a throat the nearest wall is that of its
+  // shoulders. What only a wider vessel reaches belongs to that.
+  const auto reaches = [&](const std::optional<Both>& both) {
+    return both && !(is_beyond(point_mm, both->before) && is_beyond(point_mm, both->after));
+  };
+  auto both = both_at(lumens_before_.deepest(point_mm));
+  if (!reaches(both)) both = both_at(place);
+  if (!reaches(both)) return {};
   const glm::dvec3 from_mm = both->before.position_mm + both->before.radius_mm / both->after.radius_mm *
                                                             (point_mm - both->after.position_mm);
   if (is_beyond(from_mm, both->before)) return {.kind = Kind::empty, .out_mm = place.out_mm};

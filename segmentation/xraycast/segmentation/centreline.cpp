@@ -6,6 +6,8 @@
 #include "xraycast/mask/thinning.hpp"
 #include "xraycast/skeleton/fill_radii.hpp"
 #include "xraycast/skeleton/inner_leaves.hpp"
+#include "xraycast/skeleton/junctions.hpp"
+#include "xraycast/skeleton/line.hpp"
 #include "xraycast/skeleton/lumen.hpp"
 #include "xraycast/skeleton/skeleton_pruning.hpp"
 
@@ -20,56 +22,6 @@
 
 namespace xraycast {
 namespace {
-
-using Line = std::vector<glm::dvec3>;
-
-/// Evenly spaced, `step_mm` or less apart.
-Line resampled(const Line& line, double step_mm) {
-  const double total_mm = length_mm(line);
-  const int steps = std::max(1, static_cast<int>(std::ceil(total_mm / step_mm)));
-  Line result{line.front()};
-  double passed_mm = 0;
-  std::size_t i = 1;
-  for (int k = 1; k < steps; ++k) {
-    const double target_mm = total_mm * k / steps;
-    while (i + 1 < line.size() && passed_mm + glm::distance(line[i - 1], line[i]) < target_mm) {
-      passed_mm += glm::distance(line[i - 1], line[i]);
-      ++i;
-    }
-    const double piece_mm = glm::distance(line[i - 1], line[i]);
-    result.push_back(glm::mix(line[i - 1], line[i], piece_mm > 0 ? (target_mm - passed_mm) / piece_mm : 0.0));
-  }
-  result.push_back(line.back());
-  return result;
-}
-
-/// Gaussian smoothing of evenly spaced values. The ends stay, and near them the kernel is truncated
-/// symmetrically, so that they are not pulled inwards.
-template <typename T>
-std::vector<T> smoothed(const std::vector<T>& values, double sigma) {
-  std::vector<T> result = values;
-  const auto count = static_cast<int>(values.size());
-  for (int i = 1; i + 1 < count; ++i) {
-    const int reach = std::min({i, count - 1 - i, static_cast<int>(std::ceil(3 * sigma))});
-    T sum{};
-    double weights = 0;
-    for (int k = -reach; k <= reach; ++k) {
-      const double weight = std::exp(-0.5 * k * k / (sigma * sigma));
-      const int at = i + k;
-      sum += weight * values[static_cast<std::size_t>(at)];
-      weights += weight;
-    }
-    result[static_cast<std::size_t>(i)] = sum / weights;
-  }
-  return result;
-}
-
-glm::dvec3 tangent_at(const Line& line, std::size_t i, std::size_t reach) {
-  const std::size_t before = i >= reach ? i - reach : 0, after = std::min(i + reach, line.size() - 1);
-  const glm::dvec3 along = line[after] - line[before];
-  const double length = glm::length(along);
-  return length > 0 ? along / length : glm::dvec3(0, 0, 1);
-}
 
 /// The inscribed radius of a vessel, and by how much that at a place may be smaller.
 struct EvenRadius {
@@ -125,6 +77,36 @@ void fit_end(Line& line, const Lumen& lumen, double step_mm) {
   take_off_shortfall(line, lumen, radius_mm);
 }
 
+/// Lets a line of a vessel that goes on beyond the scan reach the scan's side, from where its last inscribed
+/// sphere fits. What is narrower there is an end of its own.
+void reach_border(Line& line, const Lumen& lumen, double step_mm) {
+  constexpr std::size_t kTangentReach = 6;
+  constexpr double kFarthest = 1.5, kWiden = 1.3;  // in radii: flat where a vessel is about to fork
+  constexpr double kAsWide = 0.85, kTurn = 0.3;    // of the radius; by each step
+  const std::size_t at = line.size() - 1 - std::min(line.size() - 1, kTangentReach);
+  glm::dvec3 along = tangent_at(line, at, kTangentReach), end = line.back();
+  const double inscribed_mm = lumen.inscribed_radius_mm(end);
+  const auto section_at = [&](const glm::dvec3& p) {
+    return cross_section(lumen, p, along, kWiden * inscribed_mm);
+  };
+  const double least_mm = kAsWide * section_at(end).radius_mm;
+  Line added;
+  for (int step = 1; step * step_mm < kFarthest * inscribed_mm; ++step) {
+    const glm::dvec3 straight_on = end + step_mm * along;
+    if (!lumen.contains(straight_on)) {
+      line.insert(line.end(), added.begin(), added.end());
+      return;
+    }
+    const auto [shift, radius_mm] = section_at(straight_on);
+    if (radius_mm < least_mm) return;
+    const glm::dvec3 next =
+        straight_on + std::min(1.0, 0.5 * step_mm / std::max(glm::length(shift), 1e-9)) * shift;
+    along = glm::normalize(glm::mix(along, glm::normalize(next - end), kTurn));
+    added.push_back(next);
+    end = next;
+  }
+}
+
 /// Which ends of a line may be moved; where it meets others it stays.
 struct FreeEnds {
   bool first, last;
@@ -143,10 +125,14 @@ Line centred(const Line& voxels_mm, FreeEnds free, const Lumen& lumen, double st
     }
     line = resampled(smoothed(moved, 1.5 * lumen.coarsest_mm() / step_mm), step_mm);
   }
-  if (free.last) fit_end(line, lumen, step_mm);
+  const auto fit_last = [&] {
+    fit_end(line, lumen, step_mm);
+    reach_border(line, lumen, step_mm);
+  };
+  if (free.last) fit_last();
   if (free.first) {
     std::ranges::reverse(line);
-    fit_end(line, lumen, step_mm);
+    fit_last();
     std::ranges::reverse(line);
   }
   return line;
@@ -154,10 +140,19 @@ Line centred(const Line& voxels_mm, FreeEnds free, const Lumen& lumen, double st
 
 std::vector<VesselPoint> with_radii(const Line& line, const Lumen& lumen, double step_mm) {
   constexpr std::size_t kTangentReach = 4;
-  std::vector<double> radii_mm;
-  for (std::size_t i = 0; i < line.size(); ++i)
-    radii_mm.push_back(std::max(lumen.least_radius_mm(),
-                                cross_section(lumen, line[i], tangent_at(line, i, kTangentReach)).radius_mm));
+  std::vector<double> radii_mm(line.size());
+  const auto measure = [&](double reach_mm) {
+    for (std::size_t i = 0; i < line.size(); ++i)
+      radii_mm[i] =
+          std::max(lumen.least_radius_mm(),
+                   cross_section(lumen, line[i], tangent_at(line, i, kTangentReach), reach_mm).radius_mm);
+  };
+  measure(0);
+  std::vector<double> sorted_mm = radii_mm;
+  std::ranges::nth_element(sorted_mm, sorted_mm.begin() + std::ssize(sorted_mm) / 2);
+  // A fold in a lumen that is as wide as elsewhere, as in a dissected aorta, is no narrow place.
+  constexpr double kReach = 1.3;
+  measure(kReach * sorted_mm[sorted_mm.size() / 2]);
   radii_mm = smoothed(radii_mm, 2 * lumen.coarsest_mm() / step_mm);
   std::vector<VesselPoint> points;
   for (std::size_t i = 0; i < line.size(); ++i) points.push_back({line[i], radii_mm[i]});
@@ -199,13 +194,18 @@ class TreeBuilder {
   TreeBuilder(const SkeletonGraph& graph, std::vector<std::vector<VesselPoint>> lines)
       : graph_(graph), lines_(std::move(lines)) {}
 
-  Centrelines build(const std::optional<glm::dvec3>& root_mm, const LumenFill* fill,
+  /// `bent_in`: the lumen in which lines bend towards side branches, as those of voxels do.
+  Centrelines build(const std::optional<glm::dvec3>& root_mm, const LumenFill* fill, const Lumen* bent_in,
                     const std::string& name) {
     const auto nearness = [&](const FreeEnd& end) { return -glm::distance(end.position_mm, *root_mm); };
     const auto width = [](const FreeEnd& end) {
       return end.length_mm > 2 * end.radius_mm ? end.radius_mm : -1 / end.radius_mm;
     };
     traverse(root_mm ? best_end(nearness) : best_end(width));
+    if (bent_in != nullptr) {
+      branches_ = VesselTree(std::move(branches_), name).branches();  // with children
+      straighten_junctions(branches_, bent_in);
+    }
     if (fill != nullptr) radii_from_fill(*fill, branches_);
     VesselTree tree(std::move(branches_), name);
     return {std::move(tree), std::move(loops_), {}, 0};
@@ -334,7 +334,8 @@ Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progr
     graph = without_leaves(std::move(graph), leaves, lumen);
     lines = centrelines_of(graph, lumen, progress);
   }
-  Centrelines centrelines = TreeBuilder(graph, std::move(lines)).build(root_mm, fill, name);
+  Centrelines centrelines =
+      TreeBuilder(graph, std::move(lines)).build(root_mm, fill, of_mask ? &lumen : nullptr, name);
   if (root_mm) check_root(centrelines.tree, *root_mm);
   for (const ComponentLink& link : found.links) centrelines.gaps_mm.push_back(link.length_mm);
   centrelines.parts_left_out = found.left_out;

@@ -350,9 +350,11 @@ class ThresholdSteps {
 
   /// Those that are darker than the seeds' window, as blur leaves them.
   void add_thin_branches(Mask& vessels) {
-    constexpr double kDarker = 0.15;  // of the contrast to soft tissue: lumen of another seed's vessels
+    // Of the contrast to soft tissue: what is darker is no other vessel but an organ, such as the liver,
+    // through which arteries pass.
+    constexpr double kDarker = 0.3;
     const double lumen_hu = std::ranges::min(seeds_, {}, &Seed::hu).hu,
-                 others_hu = window_.hu.low_hu - kDarker * (lumen_hu - kSoftTissue_hu);
+                 others_hu = lumen_hu - kDarker * (lumen_hu - kSoftTissue_hu);
     const Mask bone = dilated(bone_, Sharing::corner);
     auto [branches, others] = find_thin_branches(
         volume_, {vessels, bone, left_out(vessels), lumen_hu, kSoftTissue_hu, others_hu}, device_, progress_);

@@ -45,14 +45,16 @@ double MaskLumen::occupancy(const glm::dvec3& point_mm) const {
   return interpolate(mask_, mask_.voxels, point_mm);
 }
 
-CrossSection cross_section(const Lumen& lumen, const glm::dvec3& point_mm, const glm::dvec3& tangent) {
+CrossSection cross_section(const Lumen& lumen, const glm::dvec3& point_mm, const glm::dvec3& tangent,
+                           double reach_mm) {
   constexpr int kRays = 24;
   const glm::dvec3 helper = std::abs(tangent.z) < 0.8 ? glm::dvec3(0, 0, 1) : glm::dvec3(1, 0, 0);
   const glm::dvec3 u = glm::normalize(glm::cross(tangent, helper)), v = glm::cross(tangent, u);
   const double wall_mm = lumen.inscribed_radius_mm(point_mm), step_mm = 0.2 * lumen.voxel_mm(),
                first_mm = std::max(0.0, wall_mm - 1.5 * lumen.coarsest_mm()),
-               last_mm = wall_mm + 1.5 * lumen.coarsest_mm();
-  std::array<double, kRays> reach_mm{};
+               middle_mm = wall_mm + 1.5 * lumen.coarsest_mm(),
+               last_mm = std::max({2 * wall_mm, middle_mm, reach_mm});
+  std::array<double, kRays> rays_mm{};
   CrossSection section;
   for (int k = 0; k < kRays; ++k) {
     const double angle = 2 * std::numbers::pi * k / kRays;
@@ -67,11 +69,11 @@ CrossSection cross_section(const Lumen& lumen, const glm::dvec3& point_mm, const
       mm += step_mm;
       before = here;
     }
-    reach_mm[static_cast<std::size_t>(k)] = mm;
-    section.to_middle_mm += 2.0 / kRays * mm * ray;
+    rays_mm[static_cast<std::size_t>(k)] = mm;
+    section.to_middle_mm += 2.0 / kRays * std::min(mm, middle_mm) * ray;
   }
-  std::ranges::nth_element(reach_mm, reach_mm.begin() + kRays / 2);
-  section.radius_mm = reach_mm[kRays / 2];
+  std::ranges::nth_element(rays_mm, rays_mm.begin() + kRays / 2);
+  section.radius_mm = rays_mm[kRays / 2];
   return section;
 }
 

@@ -55,8 +55,10 @@ struct CrossSection {
   double radius_mm = 0;              ///< the median of the rays
 };
 
-/// Casts rays to the wall in the plane across `tangent`. None goes farther beyond the inscribed sphere than a
-/// voxel and a half: where a branch leaves, rays do not meet a wall.
-CrossSection cross_section(const Lumen& lumen, const glm::dvec3& point_mm, const glm::dvec3& tangent);
+/// Casts rays to the wall in the plane across `tangent`. Where a branch leaves, rays do not meet a wall: for
+/// the middle none goes farther beyond the inscribed sphere than a voxel and a half, and for the radius,
+/// which in a flat lumen is more than that sphere's, none beyond twice that or `reach_mm`.
+CrossSection cross_section(const Lumen& lumen, const glm::dvec3& point_mm, const glm::dvec3& tangent,
+                           double reach_mm = 0);
 
 }  // namespace xraycast

@@ -11,17 +11,15 @@ namespace {
 /// Of the logarithm, from black to white, without compression; chosen by eye.
 constexpr float kWindowWidth = 2.4f;
 
-/// Blanks what the blades shut off: compressed, the little light behind them and its noise would be bright.
-void blank_row(const float* field, int width, float* picture) {
-  constexpr float kOpen = 0.98f, kLeast = 1e-4f;
-  for (int i = 0; i < width; ++i)
-    if (field[i] < kOpen) picture[i] += std::log(std::max(field[i], kLeast));
-}
-
 }  // namespace
 
 DisplayChain::DisplayChain(const PictureSize& size, double pixel_mm, double compression)
-    : size_(size), starved_(size), edges_(size, pixel_mm), enhanced_(size.pixels()), filter_(size) {
+    : size_(size),
+      starved_(size),
+      between_blades_(size),
+      edges_(size, pixel_mm),
+      enhanced_(size.pixels()),
+      filter_(size) {
   if (compression > 0) compression_.emplace(size, pixel_mm, compression);
 }
 
@@ -47,14 +45,17 @@ void DisplayChain::take_logarithm(const std::uint16_t* codes, int count, float* 
 
 void DisplayChain::show(const Detected& detected, const Levels& levels, bool is_recording, bool is_processed,
                         std::uint8_t* grey) {
-  const PixelPlane& logarithm = is_processed && detected.codes
-                                    ? starved_.calmed(*detected.codes, detected.logarithm)
-                                    : detected.logarithm;
+  const PixelPlane& calmed = is_processed && detected.codes
+                                 ? starved_.calmed(*detected.codes, detected.logarithm)
+                                 : detected.logarithm;
+  // Behind the blades there is little light, and its noise, which compression would make bright.
+  const PixelPlane& logarithm = is_processed ? between_blades_.continued(calmed, detected.field) : calmed;
   const bool compresses = is_processed && compression_;
   if (compresses) compression_->compress(logarithm, detected.left, detected.field, levels);
   const PixelPlane* shown = compresses ? &compression_->picture : &logarithm;
   if (is_processed) {
     edges_.enhance(*shown, enhanced_);
+    between_blades_.shade(detected.field, enhanced_);
     if (is_recording) filter_.forget();
     filter_.add(enhanced_);
     shown = &filter_.average();
@@ -85,7 +86,6 @@ void DisplayChain::Compression::compress(const PixelPlane& logarithm, const Pixe
     for (int j = first; j < end; ++j) {
       const std::size_t at = size.row(j);
       range.compress_row(j, logarithm.data() + at, strength, middle, picture.data() + at);
-      blank_row(field.data() + at, size.width, picture.data() + at);
       window.count_row(j, logarithm.data() + at, picture.data() + at, left.data() + at, field.data() + at);
     }
   });

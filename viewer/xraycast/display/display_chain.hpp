@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/display/between_blades.hpp"
 #include "xraycast/display/display_window.hpp"
 #include "xraycast/display/dynamic_range.hpp"
 #include "xraycast/display/edge_enhancement.hpp"
@@ -64,6 +65,7 @@ class DisplayChain {
   CodeNoise noise_;
   std::vector<float> logarithms_;  ///< of every code
   StarvedPixels starved_;
+  BetweenBlades between_blades_;
   std::optional<Compression> compression_;
   EdgeEnhancement edges_;
   PixelPlane enhanced_;

@@ -52,6 +52,26 @@ void strongest_lines_row(const float* __restrict pixels, std::ptrdiff_t stride, 
 }
 
 XRAYCAST_WIDE_VECTORS
+void above_row(const float* __restrict lines, const float* __restrict usual, float times, int count,
+               std::uint8_t* __restrict above) {
+  for (int i = 0; i < count; ++i) above[i] = lines[i] > times * usual[i] ? 1 : 0;
+}
+
+XRAYCAST_WIDE_VECTORS
+void united_row(const std::uint8_t* __restrict one, int count, std::uint8_t* __restrict either) {
+  for (int i = 0; i < count; ++i) either[i] = static_cast<std::uint8_t>(either[i] | one[i]);
+}
+
+XRAYCAST_WIDE_VECTORS
+void strengthened_row(const std::uint8_t* __restrict moved, const float* __restrict usual, float times,
+                      int count, float* __restrict lines) {
+  for (int i = 0; i < count; ++i) {
+    const float strong = 1.001f * times * usual[i];
+    lines[i] = moved[i] != 0 && lines[i] < strong ? strong : lines[i];
+  }
+}
+
+XRAYCAST_WIDE_VECTORS
 void recursive_row(const float* __restrict now, const float* __restrict lines, const float* __restrict usual,
                    const FrameWeight& weight, int count, float* __restrict shown) {
   const float still = weight.still, from = weight.from, more = 1 - still, per = 1 / (weight.to - weight.from);

@@ -34,6 +34,13 @@ struct FrameWeight {
   float still, from, to;
 };
 
+/// Whether lines are more than so many times the usual ones: 1 or 0.
+void above_row(const float* lines, const float* usual, float times, int count, std::uint8_t* above);
+/// either |= one
+void united_row(const std::uint8_t* one, int count, std::uint8_t* either);
+/// Lines as strong as so many times the usual ones, where `moved` is not 0.
+void strengthened_row(const std::uint8_t* moved, const float* usual, float times, int count, float* lines);
+
 /// shown += weight (now - shown)
 void recursive_row(const float* now, const float* lines, const float* usual, const FrameWeight& weight,
                    int count, float* shown);

@@ -99,10 +99,12 @@ void DisplayWindow::follow() {
               weight = is_first_ ? 1 : kFollowingWeight;
   const bool has_metal = all_metal > ends;
   const float darkest = has_metal ? logarithm_of(low_end(metal, ends)) : low;
+  // What the body's window shows already needs no greys of its own, as a balloon that is being filled.
+  const float deeper = middle - 0.5f * width - darkest, depth = deeper > 0 ? deeper + kMargin * width : 0;
   width_ = std::lerp(width_, width, weight);
   middle_ = std::lerp(middle_, middle, weight);
-  greys_ = std::lerp(greys_, has_metal ? kMetalGreys : 0, weight);
-  depth_ = std::lerp(depth_, std::max(0.0f, middle - 0.5f * width - darkest + kMargin * width), weight);
+  greys_ = std::lerp(greys_, std::min(kMetalGreys, depth / width), weight);
+  depth_ = std::lerp(depth_, depth, weight);
   is_first_ = false;
 }
 

@@ -9,7 +9,8 @@ namespace xraycast {
 
 /// From black to white what the body shows between the blades, but for the darkest and the brightest pixels;
 /// from frame to frame it follows slowly, so that nothing flickers. Where there is metal in the body (see
-/// metal_depth.hpp), the body is shown without it, in all but the darkest greys, which are the metal's.
+/// metal_depth.hpp), the window is the body's without it; the darkest greys are the metal's as far as it is
+/// darker.
 class DisplayWindow {
  public:
   explicit DisplayWindow(const PictureSize& size);

@@ -13,6 +13,10 @@ namespace {
 constexpr float kNewFrameWeight = 0.4f;  // where nothing moves: a quarter of the noise's variance stays
 // In how many times what noise makes nearby something begins to move, and has moved.
 constexpr float kStill = 1.4f, kMoved = 2.0f;
+constexpr float kSurelyMoved = 3;  // no noise is as strong
+
+/// How many pixels beside a line its side reaches: half of the width of instruments.
+constexpr int kBeside = 3;
 
 /// A picture with kLineReach pixels more on all sides.
 PictureSize padded(const PictureSize& size) {
@@ -33,20 +37,32 @@ TemporalFilter::TemporalFilter(const PictureSize& size)
       difference_(padded(size).pixels()),
       summed_(padded(size).pixels()),
       lines_(size.pixels()),
-      usual_(ramps_.cells()) {}
+      means_(ramps_.cells()),
+      usual_(ramps_.cells()),
+      moved_(padded(size).pixels()),
+      beside_(padded(size).pixels()) {}
 
 void TemporalFilter::add(const PixelPlane& frame) {
   if (std::exchange(is_first_, false)) {
     average_ = frame;
+    is_noise_new_ = true;
     return;
   }
   subtract(frame);
   find_lines();
+  follow_noise();
+  find_moved();
   for_bands(size_, [&](int first, int end) {
     thread_local PixelPlane usual;
+    thread_local std::vector<std::uint8_t> moved;
     usual.resize(static_cast<std::size_t>(size_.width));
+    moved.resize(usual.size());
     for (int j = first; j < end; ++j) {
       ramps_.row(usual_.data(), 1, j, usual.data());
+      std::fill(moved.begin(), moved.end(), std::uint8_t{0});
+      for (int by = -kBeside; by <= kBeside; ++by)
+        united_row(beside_.data() + padded_row(size_, j + by), size_.width, moved.data());
+      strengthened_row(moved.data(), usual.data(), kMoved, size_.width, lines_.data() + size_.row(j));
       recursive_row(frame.data() + size_.row(j), lines_.data() + size_.row(j), usual.data(),
                     {kNewFrameWeight, kStill, kMoved}, size_.width, average_.data() + size_.row(j));
     }
@@ -68,22 +84,56 @@ void TemporalFilter::subtract(const PixelPlane& frame) {
   });
 }
 
+/// Noise stays, and what moves passes: falls are followed at once, rises slowly.
+void TemporalFilter::follow_noise() {
+  constexpr float kFall = 0.5f, kRise = 0.05f;
+  if (std::exchange(is_noise_new_, false)) {
+    usual_ = means_;
+    return;
+  }
+  for (std::size_t cell = 0; cell < usual_.size(); ++cell) {
+    const float change = means_[cell] - usual_[cell];
+    usual_[cell] += change < 0 ? kFall * change : std::min(change, kRise * usual_[cell]);
+  }
+}
+
+void TemporalFilter::find_moved() {
+  for_bands(size_, [&](int first, int end) {
+    thread_local PixelPlane usual;
+    usual.resize(static_cast<std::size_t>(size_.width));
+    for (int j = first; j < end; ++j) {
+      ramps_.row(usual_.data(), 1, j, usual.data());
+      const std::size_t at = padded_row(size_, j);
+      above_row(lines_.data() + size_.row(j), usual.data(), kSurelyMoved, size_.width, moved_.data() + at);
+      std::fill_n(beside_.data() + at, size_.width, std::uint8_t{0});
+      for (int by = -kBeside; by <= kBeside; ++by)
+        united_row(moved_.data() + static_cast<std::ptrdiff_t>(at) + by, size_.width, beside_.data() + at);
+    }
+  });
+}
+
 void TemporalFilter::find_lines() {
   const int side = ramps_.cell();
   for_bands(size_, [&](int first, int end) {
-    float* const usual = usual_.data() + static_cast<std::ptrdiff_t>(first / side) * ramps_.columns();
-    std::fill_n(usual, ramps_.columns(), 0.0f);
+    float* const means = means_.data() + static_cast<std::ptrdiff_t>(first / side) * ramps_.columns();
+    std::fill_n(means, ramps_.columns(), 0.0f);
+    thread_local PixelPlane counts;
+    counts.assign(static_cast<std::size_t>(ramps_.columns()), 0.0f);
     for (int j = first; j < end; ++j) {
       float* const lines = lines_.data() + size_.row(j);
       strongest_lines_row(summed_.data() + padded_row(size_, j), padded(size_).width, size_.width, lines);
       for (int column = 0; column < ramps_.columns(); ++column) {
-        float sum = 0;
-        for (int i = column * side; i < std::min((column + 1) * side, size_.width); ++i) sum += lines[i];
-        usual[column] += sum;
+        float sum = 0, count = 0;
+        for (int i = column * side; i < std::min((column + 1) * side, size_.width); ++i) {
+          sum += lines[i];
+          count += lines[i] > 0 ? 1.0f : 0.0f;  // behind blades there is nothing
+        }
+        means[column] += sum;
+        counts[static_cast<std::size_t>(column)] += count;
       }
     }
     for (int column = 0; column < ramps_.columns(); ++column)
-      usual[column] /= static_cast<float>((end - first) * std::min(side, size_.width - column * side));
+      means[column] /= std::max(counts[static_cast<std::size_t>(column)], 1.0f);
   });
 }
 

@@ -2,6 +2,9 @@
 
 #include "xraycast/display/cell_ramps.hpp"
 
+#include <cstdint>
+#include <vector>
+
 namespace xraycast {
 
 /// Averages a display's frames over time, so that their noise falls, except where something moves: a wire
@@ -9,7 +12,8 @@ namespace xraycast {
 ///
 /// What moves is found in the difference from the average so far, summed over 3 x 3 pixels, as lines of some
 /// 17 pixels in eight directions: a wire adds up along them, and noise does not. The measure is how much of a
-/// line there is nearby, of noise, so that it needs neither dose nor contrast.
+/// line there is nearby, of noise, so that it needs neither dose nor contrast. The sides of what has moved,
+/// which no line runs along, are taken with it: else its outline would stay.
 class TemporalFilter {
  public:
   explicit TemporalFilter(const PictureSize& size);
@@ -25,15 +29,20 @@ class TemporalFilter {
  private:
   void subtract(const PixelPlane& frame);
   void find_lines();
+  void follow_noise();
+  void find_moved();
 
   PictureSize size_;
   CellRamps ramps_;
-  bool is_first_ = true;
+  bool is_first_ = true, is_noise_new_ = true;
   PixelPlane average_;
-  PixelPlane difference_;  ///< with a margin of pixels of 0
-  PixelPlane summed_;      ///< it over 3 x 3 pixels, with a margin of kLineReach pixels of 0
-  PixelPlane lines_;       ///< the strongest line through each pixel
-  PixelPlane usual_;       ///< the mean of it in each cell
+  PixelPlane difference_;             ///< with a margin of pixels of 0
+  PixelPlane summed_;                 ///< it over 3 x 3 pixels, with a margin of kLineReach pixels of 0
+  PixelPlane lines_;                  ///< the strongest line through each pixel
+  PixelPlane means_;                  ///< of it in each cell
+  PixelPlane usual_;                  ///< what of it noise makes there, as far as earlier frames tell
+  std::vector<std::uint8_t> moved_;   ///< pixels where lines are far above it, with a margin
+  std::vector<std::uint8_t> beside_;  ///< those in the same row beside one
 };
 
 }  // namespace xraycast

@@ -25,11 +25,18 @@ struct FieldLimit {
   }
 };
 
+/// Without the sides that end where the picture does, so that no penumbra frames it.
+Collimation within_picture(Collimation sides, const View& view) {
+  if (sides.width_mm > (view.width - 1) * view.pixel_mm) sides.width_mm = kUnlimited_mm;
+  if (sides.height_mm > (view.height - 1) * view.pixel_mm) sides.height_mm = kUnlimited_mm;
+  return sides;
+}
+
 PixelPlane field_of(const FluoroscopyOptions& options, const View& view) {
   const EdgeProfile edge =
       options.stages.blur ? edge_behind_scintillator(options.c_arm, view.pixel_mm) : EdgeProfile();
   const FieldLimit limit(options);
-  PixelPlane field = open_field(view, limit.sides, limit.round_mm, edge);
+  PixelPlane field = open_field(view, within_picture(limit.sides, view), limit.round_mm, edge);
   if (!options.collimation) return field;
   const PixelPlane between = open_field(view, *options.collimation, 0, edge);
   std::transform(field.begin(), field.end(), between.begin(), field.begin(), std::multiplies{});

@@ -64,13 +64,32 @@ class Labels {
   std::vector<PixelBox> taken_;
 };
 
+/// What fits a projection into a panel.
+double largest_scale(const ScanProjection& picture) {
+  return std::min(kPanelWidth / picture.width_mm, kPanelHeight / picture.height_mm);
+}
+
+/// A bar of a round length, and the length.
+void draw_scale(Canvas& sheet, double right, double pixels_per_mm) {
+  constexpr double kLongest = 120;  // pixels
+  double bar_mm = 0.1;
+  for (const double mm : {0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0})
+    if (mm * pixels_per_mm <= kLongest) bar_mm = mm;
+  constexpr double kBelow = 19;
+  const double top = kTop + kPanelHeight + kBelow;
+  sheet.line(std::vector{glm::dvec2(right - bar_mm * pixels_per_mm, top), glm::dvec2(right, top)}, kFaint);
+  text(sheet, static_cast<int>(right - bar_mm * pixels_per_mm) - kMargin / 2, kTop + kPanelHeight + 24,
+       fmt::format("{:g} mm", bar_mm), kFaint, Align::right);
+}
+
 /// Draws a projection, the tree's centrelines over it and the listed branches' numbers into a panel whose
 /// left edge is at `left`.
-void draw(Canvas& sheet, int left, const ScanProjection& picture, const VolumeGeometry& g,
-          const VesselTree& tree) {
-  const PixelBox box =
-      draw_projection(sheet, picture, {static_cast<double>(left), kTop, kPanelWidth, kPanelHeight});
-  const double pixels_per_mm = std::min(kPanelWidth / picture.width_mm, kPanelHeight / picture.height_mm);
+void draw(Canvas& sheet, int left, const ScanProjection& picture, double pixels_per_mm,
+          const VolumeGeometry& g, const VesselTree& tree) {
+  const double width = picture.width_mm * pixels_per_mm, height = picture.height_mm * pixels_per_mm;
+  const PixelBox box = draw_projection(
+      sheet, picture,
+      {left + 0.5 * (kPanelWidth - width), kTop + 0.5 * (kPanelHeight - height), width, height});
   const int across = picture.axis == 0 ? 1 : 0;
   const auto pixel = [&](const glm::dvec3& p) {
     const glm::dvec3 mm = (g.to_index(p) + 0.5) * g.spacing_mm;
@@ -211,8 +230,12 @@ RgbPicture given_vessel_report(const std::string& name, const Vessels& vessels, 
   Canvas sheet(width, kHeight, kPaper);
   text(sheet, kMargin, 22, fmt::format("{}: {}", name, counts_of(vessels.centrelines)));
   text(sheet, kMargin, 42, origin, kFaint);
-  draw(sheet, kMargin, project_scan(grid, scan, mask, kRed, 1), grid, tree);
-  draw(sheet, kMargin + kPanelWidth + kMargin, project_scan(grid, scan, mask, kRed, 0), grid, tree);
+  const ScanProjection front = project_scan(grid, scan, mask, kRed, 1),
+                       side = project_scan(grid, scan, mask, kRed, 0);
+  const double pixels_per_mm = std::min(largest_scale(front), largest_scale(side));  // the same in both
+  draw(sheet, kMargin, front, pixels_per_mm, grid, tree);
+  draw(sheet, kMargin + kPanelWidth + kMargin, side, pixels_per_mm, grid, tree);
+  draw_scale(sheet, 2 * (kMargin + kPanelWidth), pixels_per_mm);
   draw_table(sheet, tree, branch_facts(tree, scan));
   return {width, kHeight, sheet.rgb()};
 }

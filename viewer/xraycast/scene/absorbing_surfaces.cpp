@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -59,8 +60,9 @@ struct Facet {
   double at_corner, per_column, per_row;
   double lowest, highest;
   float mu_per_mm;
-  float share;  ///< of the place that its matter takes up
-  int winding;  ///< 1 where rays enter, -1 where they leave
+  float share;          ///< of the place that its matter takes up
+  std::int8_t winding;  ///< 1 where rays enter, -1 where they leave
+  std::uint8_t pulse_steps;
 };
 
 /// The pixels of a range along one axis whose centres lie between two positions.
@@ -124,7 +126,8 @@ class Edge {
 /// Where rays enter or leave a surface.
 struct Crossing {
   float depth_mm, mu_per_mm, share;
-  int winding;
+  std::int8_t winding;
+  std::uint8_t pulse_steps;
   int next;  ///< of the same pixel; -1: the last
 };
 
@@ -154,29 +157,45 @@ class Rows {
                        facet.lowest, facet.highest);
         int& first = first_[at(column, row)];
         crossings_.push_back({static_cast<float>(is_cone_ ? 1 / linear : linear), facet.mu_per_mm,
-                              facet.share, facet.winding, first});
+                              facet.share, facet.winding, facet.pulse_steps, first});
         first = static_cast<int>(crossings_.size()) - 1;
       }
     }
   }
 
-  /// The optical depth of a pixel's ray, if it ran along the depth axis.
-  float tau(int column, int row) {
+  /// Whether no surface lies in a pixel's ray.
+  bool is_free(int column, int row) const { return first_[at(column, row)] < 0; }
+
+  /// The optical depth of a pixel's ray, which is so many times as long as its part along the depth axis.
+  double tau(int column, int row, double longer) {
     ray_.clear();
-    for (int i = first_[at(column, row)]; i >= 0; i = crossings_[static_cast<std::size_t>(i)].next)
+    std::uint8_t always = kWholePulse;
+    for (int i = first_[at(column, row)]; i >= 0; i = crossings_[static_cast<std::size_t>(i)].next) {
       ray_.push_back(crossings_[static_cast<std::size_t>(i)]);
+      always &= ray_.back().pulse_steps;
+    }
     std::ranges::sort(ray_, {}, &Crossing::depth_mm);
+    if (always == kWholePulse) return longer * tau_during(kWholePulse);
+    double transmission = 0;
+    for (int step = 0; step < kPulseSteps; ++step)
+      transmission += std::exp(-longer * tau_during(static_cast<std::uint8_t>(1 << step))) / kPulseSteps;
+    return -std::log(std::max(transmission, std::numeric_limits<double>::min()));
+  }
+
+ private:
+  /// Of the ray's crossings with what is there during some of a pulse's steps.
+  double tau_during(std::uint8_t pulse_steps) {
     within_.clear();
     double sum = 0, strongest_per_mm = 0, before_mm = 0;
     for (const Crossing& crossing : ray_) {
+      if ((crossing.pulse_steps & pulse_steps) == 0) continue;
       sum += strongest_per_mm * (crossing.depth_mm - before_mm);
       before_mm = crossing.depth_mm;
       strongest_per_mm = cross(crossing);
     }
-    return static_cast<float>(sum);
+    return sum;
   }
 
- private:
   std::size_t at(int column, int row) const {
     return static_cast<std::size_t>(row - part_.y) * static_cast<std::size_t>(part_.width) +
            static_cast<std::size_t>(column - part_.x);
@@ -292,7 +311,8 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
         if (!facet) continue;
         facet->mu_per_mm = mu_per_mm;
         facet->share = static_cast<float>(widening.share);
-        if (drawn.is_inside_out) facet->winding = -facet->winding;
+        facet->pulse_steps = surface.pulse_steps;
+        if (drawn.is_inside_out) facet->winding = static_cast<std::int8_t>(-facet->winding);
         const int last = (facet->box.y + facet->box.height - 1 - part.y) / kBand;
         for (int band = (facet->box.y - part.y) / kBand; band <= last; ++band)
           bands[static_cast<std::size_t>(band)].push_back(*facet);
@@ -309,12 +329,13 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
     auto value = tau.begin() + static_cast<std::ptrdiff_t>(bottom - part.y) * part.width;
     for (int row = bottom; row < bottom + height; ++row)
       for (int column = part.x; column < part.x + part.width; ++column, ++value) {
-        *value = rows.tau(column, row);
-        if (*value == 0 || !view.cone) continue;
-        // A ray is longer than its part along the beam's axis.
-        const glm::dvec3 on_detector = view.pixel_on_detector_mm(column, view.height - 1 - row);
-        *value *=
-            static_cast<float>(glm::distance(on_detector, view.source_mm()) / view.cone->source_detector_mm);
+        if (rows.is_free(column, row)) continue;
+        double longer = 1;  // than the ray's part along the beam's axis
+        if (view.cone) {
+          const glm::dvec3 on_detector = view.pixel_on_detector_mm(column, view.height - 1 - row);
+          longer = glm::distance(on_detector, view.source_mm()) / view.cone->source_detector_mm;
+        }
+        *value = static_cast<float>(rows.tau(column, row, longer));
       }
   });
   return tau;

@@ -18,6 +18,9 @@ namespace xraycast {
 /// exits are collected per pixel and sorted, as in an A-buffer (Carpenter, Computer Graphics 18(3):103,
 /// 1984); sums of the exits' depths minus the entries', which need no order, would count overlaps twice.
 ///
+/// Where surfaces are there during some steps of a pulse alone, the picture is the mean of what each step
+/// transmits.
+///
 /// A tube that is thinner than a pixel is drawn wider than it is (thin_tube.hpp): its matter displaces only
 /// its share of what is there.
 class AbsorbingSurfaces {

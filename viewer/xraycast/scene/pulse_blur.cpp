@@ -37,15 +37,16 @@ std::vector<glm::dvec3> moved_on(std::span<const glm::dvec3> points_mm, std::spa
 
 std::vector<Surface> seen_by_pulse(std::vector<Surface> first, std::vector<Surface> middle,
                                    std::vector<Surface> last, double pixel_mm) {
-  constexpr double kInstants = 3;
   const std::size_t count = middle.size();
   std::vector<Surface> seen = std::move(middle);
-  seen.resize(3 * count);
+  seen.resize(kPulseSteps * count);
   for (std::size_t s = 0; s < count && s < first.size() && s < last.size(); ++s) {
     if (!moves_visibly(first[s], last[s], pixel_mm)) continue;
     seen[count + s] = std::move(first[s]);
     seen[2 * count + s] = std::move(last[s]);
-    for (const std::size_t share : {s, count + s, 2 * count + s}) seen[share].mu_per_mm /= kInstants;
+    seen[count + s].pulse_steps = 1 << 0;
+    seen[s].pulse_steps = 1 << 1;
+    seen[2 * count + s].pulse_steps = 1 << 2;
   }
   return seen;
 }

@@ -11,8 +11,8 @@
 namespace xraycast {
 
 /// How a pulse of X-rays sees attenuating surfaces that move while it lasts: as they are in the middles of
-/// its thirds, each with a third of the attenuation. Surfaces add up, so that this is the mean over the pulse
-/// of a steady motion, to a third of its way.
+/// its thirds. The mean of what the three transmit is that of a steady motion over the pulse, to a third of
+/// its way.
 ///
 /// The map needs none of it: between its keys it is linear in the phase, so that its mean over a pulse is the
 /// map in the pulse's middle.
@@ -34,9 +34,9 @@ double pixel_at_axis_mm(const View& view);
 std::vector<glm::dvec3> moved_on(std::span<const glm::dvec3> points_mm, std::span<const glm::dvec3> before_mm,
                                  double passed_s, double later_s);
 
-/// Surfaces as a pulse sees them, of those at the three instants, one for one: three times as many. A surface
-/// of which no point moves by more than half a pixel from the first to the last instant is in the middle
-/// alone, and the other two are empty.
+/// Surfaces as a pulse sees them, of those at the three instants, one for one: three times as many, each with
+/// its step of the pulse. A surface of which no point moves by more than half a pixel from the first to the
+/// last instant is there during the whole pulse as it is in its middle, and the other two are empty.
 std::vector<Surface> seen_by_pulse(std::vector<Surface> first, std::vector<Surface> middle,
                                    std::vector<Surface> last, double pixel_mm);
 

@@ -4,6 +4,7 @@
 #include "xraycast/geometry/mesh.hpp"
 #include "xraycast/sampling/column_samples.hpp"
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,10 @@ Reconstruction parse_reconstruction(const std::string& name);
 std::string to_string(Look look);
 std::string to_string(Compositing compositing);
 
+/// A pulse of X-rays in as many steps as what moves during it is drawn in (pulse_blur.hpp), a bit each.
+inline constexpr int kPulseSteps = 3;
+inline constexpr std::uint8_t kWholePulse = (1 << kPulseSteps) - 1;
+
 /// A closed surface within the body: vessels or a catheter.
 struct Surface {
   Mesh mesh;
@@ -35,6 +40,7 @@ struct Surface {
   /// Of an instrument's tube, which is drawn no thinner than pixels (thin_tube.hpp): its points are a pole,
   /// rings of this many, and a pole. 0: no such tube.
   int tube_sides = 0;
+  std::uint8_t pulse_steps = kWholePulse;  ///< those of a pulse during which it is there
 };
 
 /// Throws InputError when a surface has points that are not finite, triangles with invalid indices, a number
