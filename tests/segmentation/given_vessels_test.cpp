@@ -147,9 +147,8 @@ TEST_F(GivenVessels, LinesOfAnUnevenSurfaceDoNotMeander) {
     }
     EXPECT_LE(tree.branches().size(), 3U) << phase;
     EXPECT_GT(chords_mm, 130) << phase;
-    // The middle of such a lumen itself wanders by a tenth of the radius; before, lines were half as long
-    // again.
-    EXPECT_LT(length_mm, 1.1 * chords_mm) << phase;
+    // The middle of such a lumen itself wanders; fitted to it as to a tube, lines were five times as long.
+    EXPECT_LT(length_mm, 1.2 * chords_mm) << phase;
   }
 }
 

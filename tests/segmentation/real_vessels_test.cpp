@@ -43,7 +43,7 @@ std::int64_t count(const Mask& mask, const Counts& counts) {
 class ThoraxCta : public RealVessels {
  protected:
   /// A flat cross-section's radius over that of the sphere in it, which the largest radius limits.
-  static constexpr double kFlatter = 1.3;
+  static constexpr double kFlatter = 1.4;
 
   Mask mask(const std::string& name) const {
     return between(read_scan(kData / "thorax-cta" / ("mask_" + name + ".nii.gz")).volume, 1, 32767);

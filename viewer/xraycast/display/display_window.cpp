@@ -99,7 +99,7 @@ void DisplayWindow::follow() {
               weight = is_first_ ? 1 : kFollowingWeight;
   const bool has_metal = all_metal > ends;
   const float darkest = has_metal ? logarithm_of(low_end(metal, ends)) : low;
-  // What the body's window shows already needs no greys of its own, as a balloon that is being filled.
+  // What the body's window shows already, as metal behind which scatter prevails, needs no greys of its own.
   const float deeper = middle - 0.5f * width - darkest, depth = deeper > 0 ? deeper + kMargin * width : 0;
   width_ = std::lerp(width_, width, weight);
   middle_ = std::lerp(middle_, middle, weight);
