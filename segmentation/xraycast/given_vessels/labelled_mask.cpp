@@ -18,7 +18,6 @@
 #include <iterator>
 #include <map>
 #include <optional>
-#include <ranges>
 #include <set>
 
 namespace xraycast {
@@ -65,7 +64,8 @@ std::string masks_in(const fs::path& folder) {
       names.insert(printable(file.substr(0, file.find('.'))));
   }
   constexpr std::size_t kMost = 20;
-  return fmt::format("{}", fmt::join(names | std::views::take(kMost), ", "));
+  while (names.size() > kMost) names.erase(std::prev(names.end()));
+  return fmt::format("{}", fmt::join(names, ", "));
 }
 
 /// What `read` returns. A folder that is no scan's, but has masks, is told what it has.

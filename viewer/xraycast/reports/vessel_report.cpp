@@ -75,11 +75,10 @@ void draw_scale(Canvas& sheet, double right, double pixels_per_mm) {
   double bar_mm = 0.1;
   for (const double mm : {0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0})
     if (mm * pixels_per_mm <= kLongest) bar_mm = mm;
-  constexpr double kBelow = 19;
-  const double top = kTop + kPanelHeight + kBelow;
-  sheet.line(std::vector{glm::dvec2(right - bar_mm * pixels_per_mm, top), glm::dvec2(right, top)}, kFaint);
-  text(sheet, static_cast<int>(right - bar_mm * pixels_per_mm) - kMargin / 2, kTop + kPanelHeight + 24,
-       fmt::format("{:g} mm", bar_mm), kFaint, Align::right);
+  constexpr double kBelow = 19, kTextBelow = 24, kGap = 10;
+  const double left = right - bar_mm * pixels_per_mm, bottom = kTop + kPanelHeight;
+  sheet.line(std::vector{glm::dvec2(left, bottom + kBelow), glm::dvec2(right, bottom + kBelow)}, kFaint);
+  text(sheet, left - kGap, bottom + kTextBelow, fmt::format("{:g} mm", bar_mm), kFaint, Align::right);
 }
 
 /// Draws a projection, the tree's centrelines over it and the listed branches' numbers into a panel whose
