@@ -113,7 +113,8 @@ void RunReport::add_loads(std::size_t instrument, const Instruments& instruments
                step_s = instruments.step_s();
   figures.largest_N = std::max(figures.largest_N, force_N);
   figures.largest_Nm = std::max(figures.largest_Nm, torque_Nm);
-  if (instruments.pose(instrument).insertion_mm > 0) {
+  constexpr double kRounding_mm = 1e-6;  // of a hand that rests at the entry
+  if (instruments.pose(instrument).insertion_mm > kRounding_mm) {
     way.inserted_s += step_s;
     way.impulse_Ns += force_N * step_s;
     way.impulse_Nms += torque_Nm * step_s;
