@@ -43,15 +43,6 @@ std::vector<std::string> warnings_of(const Scan& scan, const fs::path& file) {
   return warnings;
 }
 
-/// The values of a mask; adds notes on where it lies.
-Volume read_values(const fs::path& file, Progress& progress, std::vector<std::string>& notes) {
-  const Scan scan = open_scan(file, {}, progress);
-  Volume values = collect(*scan.source, progress, file.string());
-  check_is_mask(values, file);
-  std::ranges::copy(warnings_of(scan, file), std::back_inserter(notes));
-  return values;
-}
-
 /// The names, up to the first dot, of a folder's files that may be masks, at most twenty.
 std::string masks_in(const fs::path& folder) {
   constexpr std::array<std::string_view, 6> kEndings{".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd"};
@@ -68,15 +59,13 @@ std::string masks_in(const fs::path& folder) {
   return fmt::format("{}", fmt::join(names, ", "));
 }
 
-/// What `read` returns. A folder that is no scan's, but has masks, is told what it has.
-template <typename Read>
-auto with_masks_told(const fs::path& path, const std::vector<std::string>& labels, const Read& read) {
-  std::error_code error;
-  if (!fs::is_directory(path, error)) return read();
+/// A mask's file, or the folder of its slices. A folder that has none, but masks, is told what it has.
+Scan open_mask(const fs::path& path, const std::vector<std::string>& labels, Progress& progress) {
   try {
-    return read();
+    return open_scan(path, {}, progress);
   } catch (const InputError&) {
-    const std::string masks = masks_in(path);
+    std::error_code error;
+    const std::string masks = fs::is_directory(path, error) ? masks_in(path) : "";
     if (masks.empty()) throw;
     if (labels.empty())
       throw InputError("{}: a folder; give one of its masks, or by `labels` those that are vessels: {}",
@@ -84,6 +73,15 @@ auto with_masks_told(const fs::path& path, const std::vector<std::string>& label
     throw InputError("{}: `labels` {}: the folder has no file of that name; it has {}", path.string(),
                      printable(labels.front()), masks);
   }
+}
+
+/// The values of a mask; adds notes on where it lies.
+Volume read_values(const fs::path& file, Progress& progress, std::vector<std::string>& notes) {
+  const Scan scan = open_mask(file, {}, progress);
+  Volume values = collect(*scan.source, progress, file.string());
+  check_is_mask(values, file);
+  std::ranges::copy(warnings_of(scan, file), std::back_inserter(notes));
+  return values;
 }
 
 /// The files of a folder whose names, up to the first dot, are the labels', in their order; nothing for a
@@ -164,7 +162,7 @@ std::string present(const Volume& values) {
 }
 
 LabelledMask labelled(const fs::path& file, const std::vector<std::string>& labels, Progress& progress) {
-  const Scan scan = open_scan(file, {}, progress);
+  const Scan scan = open_mask(file, labels, progress);
   if (std::ranges::any_of(scan.info.notes,
                           [](const std::string& note) { return note.starts_with("resampled"); }))
     throw InputError(
@@ -202,17 +200,16 @@ LabelledMask of_seg(const fs::path& path, const std::vector<std::string>& labels
 LabelledMask read_labelled_mask(const fs::path& path, const std::vector<std::string>& labels,
                                 Progress& progress) {
   if (is_seg_file(path)) return of_seg(path, labels);
-  if (labels.empty())
-    return with_masks_told(path, labels, [&] {
-      LabelledMask all{Mask(VolumeGeometry{}), {}, {}};
-      all.mask = between(read_values(path, progress, all.notes), 1, kMaxHu);
-      return all;
-    });
+  if (labels.empty()) {
+    LabelledMask all{Mask(VolumeGeometry{}), {}, {}};
+    all.mask = between(read_values(path, progress, all.notes), 1, kMaxHu);
+    return all;
+  }
   if (labels.size() > 255) throw InputError("`labels`: {} were given, but at most 255 can be", labels.size());
   if (fs::is_directory(path))
     if (const std::vector<fs::path> files = files_of(path, labels); !files.empty())
       return united_files(files, progress);
-  return with_masks_told(path, labels, [&] { return labelled(path, labels, progress); });
+  return labelled(path, labels, progress);
 }
 
 }  // namespace xraycast
