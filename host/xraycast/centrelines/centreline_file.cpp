@@ -105,9 +105,8 @@ class CentrelineCompletion {
         throw InputError("{}: point {} is not finite; correct the file", field, k);
       if (std::abs(point[axis]) > kFarthest_mm)
         throw InputError(
-            "{}: point {} lies {:g} mm from the origin, more than {:g}; give `unit`, "
-            "that of the file",
-            field, k, std::abs(point[axis]), kFarthest_mm);
+            "{}: point {} lies {:g} mm from the origin, more than {:g}; give `unit`, that of the file", field,
+            k, std::abs(point[axis]), kFarthest_mm);
     }
     return point;
   }
@@ -121,10 +120,8 @@ class CentrelineCompletion {
     }
     radius *= options_.scale_mm;
     if (!(radius <= kLargestRadius_mm))
-      throw InputError(
-          "{}: point {}: the radius {:g} mm is more than {:g}; give `unit`, that of "
-          "the file",
-          field, k, radius, kLargestRadius_mm);
+      throw InputError("{}: point {}: the radius {:g} mm is more than {:g}; give `unit`, that of the file",
+                       field, k, radius, kLargestRadius_mm);
     if (!(radius > 0))
       throw InputError("{}: point {}: the radius is too small; give a larger `unit`", field, k);
     return radius;

@@ -93,14 +93,13 @@ class WallFit {
       for (std::size_t b = 0; b < branches_.size(); ++b) let_change_slowly(points(b), trusts[b]);
       for (std::size_t b = 0; b < branches_.size(); ++b) has_changed |= share_least(b, trusts);
     }
-    for (std::size_t b = 0; b < branches_.size(); ++b) {
+    for (std::size_t b = 0; b < branches_.size(); ++b)
       for (std::size_t k = 0; k < points(b).size(); ++k) {
         const VesselPoint& given = given_[b].points[k];
         VesselPoint& fitted = points(b)[k];
         fitted = {glm::mix(given.position_mm, fitted.position_mm, trusts[b][k]),
                   std::lerp(given.radius_mm, fitted.radius_mm, trusts[b][k])};
       }
-    }
   }
 
   /// Lets free ends lie a radius from where the wall closes them.
@@ -232,25 +231,34 @@ class WallFit {
 
   /// For each point of a branch the equations of those about it: a Gaussian over their distances.
   std::vector<Equations> windows(std::size_t branch, double width) const {
-    constexpr double kReach = 2.5;  // in widths
     const auto& line = points(branch);
     std::vector<Equations> around(line.size());
     for (std::size_t k = 0; k < line.size(); ++k) {
-      const double width_mm = width * line[k].radius_mm;
-      const auto take = [&](std::size_t j) {
-        const double widths = glm::distance(line[j].position_mm, line[k].position_mm) / width_mm;
-        if (widths > kReach) return false;
-        around[k].add(equations_[branch][j], std::exp(-0.5 * widths * widths));
-        return true;
-      };
-      take(k);
-      for (std::size_t j = k; j-- > 0 && take(j);) {
-      }
-      for (std::size_t j = k + 1; j < line.size() && take(j); ++j) {
-      }
+      for_points_about(line, k, width,
+                       [&](std::size_t j, double weight) { around[k].add(equations_[branch][j], weight); });
       around[k].damp();
     }
     return around;
+  }
+
+  /// Calls `visit` with the points about a line's point and their weights: a Gaussian over their distances,
+  /// `width` in radii.
+  template <typename Visit>
+  static void for_points_about(const std::vector<VesselPoint>& line, std::size_t k, double width,
+                               const Visit& visit) {
+    constexpr double kReach = 2.5;  // in widths
+    const double width_mm = width * line[k].radius_mm;
+    const auto take = [&](std::size_t j) {
+      const double widths = glm::distance(line[j].position_mm, line[k].position_mm) / width_mm;
+      if (widths > kReach) return false;
+      visit(j, std::exp(-0.5 * widths * widths));
+      return true;
+    };
+    take(k);
+    for (std::size_t j = k; j-- > 0 && take(j);) {
+    }
+    for (std::size_t j = k + 1; j < line.size() && take(j); ++j) {
+    }
   }
 
   static bool tells(const Equations& equations) { return equations.radius > 6; }
@@ -300,24 +308,14 @@ class WallFit {
   /// own, its points would part otherwise, each to another wall.
   static std::vector<glm::dvec3> evened(const std::vector<VesselPoint>& line,
                                         const std::vector<std::optional<glm::dvec3>>& steps_mm) {
-    constexpr double kWidth = 0.3, kReach = 2.5;  // in radii, in widths
+    constexpr double kWidth = 0.3;  // in radii
     std::vector<glm::dvec3> even_mm(line.size(), glm::dvec3(0));
     for (std::size_t k = 0; k < line.size(); ++k) {
       double weights = 0;
-      const auto take = [&](std::size_t j) {
-        const double widths =
-            glm::distance(line[j].position_mm, line[k].position_mm) / (kWidth * line[k].radius_mm);
-        if (widths > kReach) return false;
-        const double weight = std::exp(-0.5 * widths * widths);
+      for_points_about(line, k, kWidth, [&](std::size_t j, double weight) {
         weights += weight;
         if (steps_mm[j]) even_mm[k] += weight * *steps_mm[j];
-        return true;
-      };
-      take(k);
-      for (std::size_t j = k; j-- > 0 && take(j);) {
-      }
-      for (std::size_t j = k + 1; j < line.size() && take(j); ++j) {
-      }
+      });
       even_mm[k] /= weights;
     }
     return even_mm;

@@ -114,15 +114,9 @@ struct FreeEnds {
 
 /// A line through the centroids of its cross-sections, its points `step_mm` apart.
 Line centred(const Line& voxels_mm, FreeEnds free, const Lumen& lumen, double step_mm) {
-  constexpr std::size_t kTangentReach = 6;
   Line line = smoothed(resampled(voxels_mm, step_mm), 1.5 * lumen.coarsest_mm() / step_mm);
   for (int pass = 0; pass < 3; ++pass) {
-    Line moved = line;
-    for (std::size_t i = free.first ? 0 : 1; i < line.size() - (free.last ? 0 : 1); ++i) {
-      const glm::dvec3 shift = cross_section(lumen, line[i], tangent_at(line, i, kTangentReach)).to_middle_mm;
-      const double length = glm::length(shift), max_mm = 0.5 * lumen.voxel_mm();
-      moved[i] += length > max_mm ? shift * (max_mm / length) : shift;
-    }
+    const Line moved = towards_middle(line, free.first ? 0 : 1, line.size() - (free.last ? 0 : 1), lumen);
     line = resampled(smoothed(moved, 1.5 * lumen.coarsest_mm() / step_mm), step_mm);
   }
   const auto fit_last = [&] {

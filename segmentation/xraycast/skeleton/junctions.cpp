@@ -214,21 +214,16 @@ class Straightener {
   void centre(std::size_t first, std::size_t last, Trunk& trunk) const {
     constexpr int kPasses = 12;
     constexpr double kSmooth_vox = 3;
+    const double smooth = kSmooth_vox * lumen_->coarsest_mm() / trunk.step_mm;
     constexpr std::size_t kTangentReach = 6;
     Line line;
     for (const VesselPoint& point : trunk.points) line.push_back(point.position_mm);
     const std::size_t begin = first - 1, end = std::min(last + 1, line.size());  // these two points stay
     for (int pass = 0; pass < kPasses; ++pass) {
-      Line moved(line.begin() + static_cast<std::ptrdiff_t>(begin),
-                 line.begin() + static_cast<std::ptrdiff_t>(end));
-      for (std::size_t i = first; i < last; ++i) {
-        const glm::dvec3 shift =
-            cross_section(*lumen_, line[i], tangent_at(line, i, kTangentReach)).to_middle_mm;
-        const double length = glm::length(shift), most_mm = 0.5 * lumen_->voxel_mm();
-        moved[i - begin] += length > most_mm ? shift * (most_mm / length) : shift;
-      }
-      moved = smoothed(moved, kSmooth_vox * lumen_->coarsest_mm() / trunk.step_mm);
-      std::ranges::copy(moved, line.begin() + static_cast<std::ptrdiff_t>(begin));
+      const Line moved = towards_middle(line, first, last, *lumen_);
+      const Line stretch(moved.begin() + static_cast<std::ptrdiff_t>(begin),
+                         moved.begin() + static_cast<std::ptrdiff_t>(end));
+      std::ranges::copy(smoothed(stretch, smooth), line.begin() + static_cast<std::ptrdiff_t>(begin));
     }
     // As wide as the vessel beside its branches, whose openings are less than half of the way around.
     constexpr double kReach = 1.3;
@@ -239,7 +234,7 @@ class Straightener {
                              : cross_section(*lumen_, line[i], tangent_at(line, i, kTangentReach),
                                              kReach * trunk.points[i].radius_mm)
                                    .radius_mm);
-    radii_mm = smoothed(radii_mm, kSmooth_vox * lumen_->coarsest_mm() / trunk.step_mm);
+    radii_mm = smoothed(radii_mm, smooth);
     for (std::size_t i = first; i < last; ++i) {
       trunk.points[i].position_mm = line[i];
       trunk.points[i].radius_mm = std::max(radii_mm[i - begin], lumen_->least_radius_mm());

@@ -64,4 +64,16 @@ glm::dvec3 tangent_at(const Line& line, std::size_t i, std::size_t reach) {
   return length > 0 ? along / length : glm::dvec3(0, 0, 1);
 }
 
+Line towards_middle(const Line& line, std::size_t first, std::size_t last, const Lumen& lumen) {
+  constexpr std::size_t kTangentReach = 6;
+  const double most_mm = 0.5 * lumen.voxel_mm();
+  Line moved = line;
+  for (std::size_t i = first; i < last; ++i) {
+    const glm::dvec3 shift = cross_section(lumen, line[i], tangent_at(line, i, kTangentReach)).to_middle_mm;
+    const double length = glm::length(shift);
+    moved[i] += length > most_mm ? shift * (most_mm / length) : shift;
+  }
+  return moved;
+}
+
 }  // namespace xraycast

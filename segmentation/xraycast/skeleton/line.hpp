@@ -1,5 +1,7 @@
 #pragma once
 
+#include "xraycast/skeleton/lumen.hpp"
+
 #include <glm/vec3.hpp>
 
 #include <cstddef>
@@ -20,5 +22,9 @@ Line smoothed(const Line& line, double sigma);
 
 /// The direction at a point, from `reach` points before it to as many after it; unit length.
 glm::dvec3 tangent_at(const Line& line, std::size_t i, std::size_t reach);
+
+/// The line with its points [first, last) moved towards the middles of their cross-sections, by half a voxel
+/// at most.
+Line towards_middle(const Line& line, std::size_t first, std::size_t last, const Lumen& lumen);
 
 }  // namespace xraycast
