@@ -6,6 +6,7 @@
 #include "xraycast/segmentation/contrast.hpp"
 #include "xraycast/segmentation/denoise.hpp"
 #include "xraycast/segmentation/lumen_completion.hpp"
+#include "xraycast/segmentation/other_vessels.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -248,6 +249,7 @@ Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const Hu
   const auto is_in_it = [&](const glm::dvec3& p) { return is_near(lumen, p); };
   std::ranges::copy_if(markers.not_vessels_mm, std::back_inserter(here.not_vessels_mm), is_in_it);
   std::ranges::copy_if(markers.vessels_mm, std::back_inserter(here.vessels_mm), is_in_it);
+  take_off_other_vessels(lumen, here, name);
   separate_chambers(lumen, here, name);
   Mask kept(lumen.geometry);
   for (const glm::dvec3& p : here.vessels_mm) unite(kept, component_at(lumen, p, kReach_mm));

@@ -12,6 +12,7 @@
 #include "xraycast/segmentation/denoise.hpp"
 #include "xraycast/segmentation/gap_closing.hpp"
 #include "xraycast/segmentation/lumen_completion.hpp"
+#include "xraycast/segmentation/other_vessels.hpp"
 #include "xraycast/segmentation/seeds.hpp"
 #include "xraycast/segmentation/trabecular_bone.hpp"
 #include "xraycast/segmentation/vessel_selection.hpp"
@@ -114,7 +115,7 @@ bool has_air(const Volume& volume) {
 SegmentedVessels segment_by_evidence(const Volume& volume, const SegmentRequest& request,
                                      const std::string& name, ComputeDevice& device, Progress& progress,
                                      SegmentLog& log) {
-  const Markers& markers = request.markers;
+  Markers markers = request.markers;
   auto [mask, fill, scale] = vessel_evidence(volume, log.noise_hu, device, progress);
   log.scale = scale;
   log.noise_hu = scale.noise_hu;
@@ -133,6 +134,7 @@ SegmentedVessels segment_by_evidence(const Volume& volume, const SegmentRequest&
   if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) {
     mask = without_small_components(mask);
   } else {
+    take_off_other_vessels(mask, markers, name);
     separate_chambers(mask, markers, name, progress);
     explain(request, "chambers", mask);
     mask = select_vessels(mask, markers, name, progress);
@@ -234,6 +236,7 @@ class ThresholdSteps {
     }
     find_lumen_at_seeds();
     remove_bone();
+    remove_other_vessels();
     remove_chambers();
     remove_trabecular();
     return selected();
@@ -312,6 +315,13 @@ class ThresholdSteps {
     finish_step("bone", Removal::bone);
   }
 
+  void remove_other_vessels() {
+    others_ = take_off_other_vessels(mask_, markers_, name_);
+    if (others_.count() == 0) return;
+    subtract(lumen_, others_);
+    explain(request_, "other-vessels", mask_);
+  }
+
   void remove_chambers() {
     separate_chambers(mask_, live(markers(), bright_, mask_, name_), name_, progress_);
     give_lumen_back();
@@ -340,6 +350,7 @@ class ThresholdSteps {
     explain(request_, "selection", vessels);
     progress_.begin("filling", 3, "passes");
     complete_lumen(scan(), window_, bright_, bone_, vessels, progress_);
+    if (others_.count() > 0) subtract(vessels, others_);
     explain(request_, "filling", vessels);
     if (window_.is_of_seeds) {
       add_thin_branches(vessels);
@@ -368,10 +379,10 @@ class ThresholdSteps {
   /// What is bright about points that are in no vessel.
   Mask left_out(const Mask& vessels) const {
     Mask out(vessels.geometry);
-    if (markers().not_vessels_mm.empty()) return out;
+    if (request_.markers.not_vessels_mm.empty()) return out;
     Mask rest = bright_;
     subtract(rest, dilated(vessels, Sharing::corner));
-    for (const glm::dvec3& p : markers().not_vessels_mm) unite(out, structure_at(rest, p));
+    for (const glm::dvec3& p : request_.markers.not_vessels_mm) unite(out, structure_at(rest, p));
     return out;
   }
 
@@ -388,7 +399,7 @@ class ThresholdSteps {
   std::vector<Seed> seeds_;
   ChosenWindow window_{};
   Mask mask_{VolumeGeometry{}}, body_{VolumeGeometry{}}, lumen_{VolumeGeometry{}}, bright_{VolumeGeometry{}},
-      bone_{VolumeGeometry{}}, candidates_{VolumeGeometry{}};
+      bone_{VolumeGeometry{}}, others_{VolumeGeometry{}}, candidates_{VolumeGeometry{}};
 };
 
 /// Whether nothing but vessels is bright: there is no air around a body, or noise hides it.

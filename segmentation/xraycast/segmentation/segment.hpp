@@ -71,11 +71,11 @@ struct SegmentedVessels {
   LumenFill fill;  ///< how full of lumen voxels are
 };
 
-/// Segments vessels by the steps in this folder: denoising where noise is heavy, thresholds, removal of bone,
-/// separation of chambers, removal of trabecular bone, closing of the gaps that both have left, and the
-/// selection of components by select_vessels. A scan without air, of vessels alone, is segmented by
-/// vessel_evidence instead, unless a window is given. A stage of `progress` for each step. Takes the window,
-/// the markers and `explain` of a request.
+/// Segments vessels by the steps in this folder: denoising where noise is heavy, thresholds, removal of bone
+/// and of vessels to exclude, separation of chambers, removal of trabecular bone, closing of the gaps that
+/// both have left, and the selection of components by select_vessels. A scan without air, of vessels alone,
+/// is segmented by vessel_evidence instead, unless a window is given. A stage of `progress` for each step.
+/// Takes the window, the markers and `explain` of a request.
 ///
 /// Without a window and seeds, the aorta or another great vessel (find_great_vessels) that is darker than the
 /// window of the histogram is the seed. Without a window, seeds outside that of the histogram set it from
