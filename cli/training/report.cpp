@@ -3,11 +3,13 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/printable.hpp"
 #include "xraycast/reports/run_comparison.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -32,17 +34,37 @@ std::optional<SavedRun> reference_of(const std::string& file) {
   return std::move(runs[0]);
 }
 
+/// Runs of one name take that of the folder that their file is in, as files that a page saves in one of each
+/// pupil, and those that are still alike a number.
+void tell_apart(std::vector<SavedRun>& runs, const std::vector<std::filesystem::path>& files) {
+  const auto count = [&](const std::string& name) { return std::ranges::count(runs, name, &SavedRun::name); };
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const std::string folder =
+        printable_line(std::filesystem::absolute(files[i]).parent_path().filename().string());
+    names.push_back(count(runs[i].name) > 1 && !folder.empty() ? folder + ": " + runs[i].name : runs[i].name);
+  }
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const auto before = std::count(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(i), names[i]);
+    const std::string name = before > 0 ? fmt::format("{} ({})", names[i], before + 1) : names[i];
+    if (name != runs[i].name) rename(runs[i], name);
+  }
+}
+
 /// What is laid side by side: the runs of all files and, unless one is given, the reference that they have.
 SavedRuns runs_of(const ReportArguments& options) {
   SavedRuns all{.runs = {}, .reference = reference_of(options.reference)};
+  std::vector<std::filesystem::path> files;
   for (const std::string& file : options.runs) {
     SavedRuns some = read_runs(file);
     for (SavedRun& run : some.runs) all.runs.push_back(std::move(run));
+    files.resize(all.runs.size(), file);
     if (!some.reference || !options.reference.empty()) continue;
     if (all.reference && all.reference->json != some.reference->json)
       throw InputError("{}: has another reference than the files before; give one by --reference", file);
     all.reference = std::move(some.reference);
   }
+  tell_apart(all.runs, files);
   if (all.reference) all.reference->name += kReference;
   if (all.runs.empty()) throw InputError("{}: holds no run", options.runs.front());
   return all;

@@ -96,8 +96,9 @@ TEST(Exercise, IsReadBackWhateverVesselsAreCalled) {
     const auto chance = [&random](unsigned of) { return random() % of == 0; };
     const VesselTree plain = fork();
     const VesselTree tree = with_branch_names(plain, {odd_name(random), odd_name(random), odd_name(random)});
-    Json json = usual();
-    json["targets"] = json["forbidden"] = Json::array();
+    Json json = usual(), another = usual();  // with the vessels as targets, and as forbidden ones
+    json["targets"] = json["forbidden"] = another["forbidden"] = Json::array();
+    another["targets"] = {{{"at_mm", {0, 0, 50}}}};
     for (auto left = 1 + random() % 4; left > 0; --left) {
       const auto branch = static_cast<std::size_t>(random() % 3);
       Json target{{"vessel", branch}, {"depth_mm", 1.0 + static_cast<double>(random() % 40) / 7}};
@@ -107,12 +108,14 @@ TEST(Exercise, IsReadBackWhateverVesselsAreCalled) {
       if (chance(3))
         target = {{"at_mm", {0.1, 0, 3.0 + static_cast<double>(random() % 90)}}, {"radius_mm", 3}};
       if (chance(2)) target["instrument"] = 1;
-      json["forbidden"].push_back(target.contains("vessel") ? target["vessel"] : Json(branch));
+      another["forbidden"].push_back(target.contains("vessel") ? target["vessel"] : Json(branch));
       json["targets"].push_back(target);
     }
-    const std::string once = to_json(parse_exercise(json.dump(), "e.json", tree));
-    for (const VesselTree* other : {&tree, &plain})
-      EXPECT_EQ(to_json(parse_exercise(once, "again", *other)), once) << seed;
+    for (const Json& written : {json, another}) {
+      const std::string once = to_json(parse_exercise(written.dump(), "e.json", tree));
+      for (const VesselTree* other : {&tree, &plain})
+        EXPECT_EQ(to_json(parse_exercise(once, "again", *other)), once) << seed;
+    }
   }
 }
 
@@ -159,7 +162,9 @@ TEST(Exercise, SaysInALineWhatIsWrong) {
       "e.json: \"targets\"[0]: \"at_mm\": lies 34 mm outside the vessels, the nearest of which is stem; "
       "give a place in one");
   EXPECT_EQ(with("/targets/0/instrument", 2),
-            "e.json: \"targets\"[0]: \"instrument\": must be 1, for the outermost instrument, to 1");
+            "e.json: \"targets\"[0]: \"instrument\": must be 1: there is one instrument");
+  EXPECT_EQ(with("/forbidden/0", "left arm"),
+            "e.json: \"forbidden\": left arm is a target, so that nobody could pass; leave one of them out");
   EXPECT_EQ(with("/targets", Json::array()), "e.json: \"targets\": is not a list of 1 to 100");
   EXPECT_EQ(with("/title", ""), "e.json: \"title\": has 0 bytes; give 1 to 80");
   EXPECT_EQ(
@@ -167,9 +172,15 @@ TEST(Exercise, SaysInALineWhatIsWrong) {
       "e.json: has no field \"limit\"; the fields are title, task, entry, instruments, devices, targets, "
       "forbidden, limits, reference");
   EXPECT_EQ(with("/targets/0/at_mm", {0, 0, 0}),
-            "e.json: \"targets\"[0]: has either \"vessel\" or \"at_mm\"");
+            "e.json: \"targets\"[0]: has both of \"vessel\" and \"at_mm\"; give one");
   EXPECT_THAT(message_of(Json::array()), StartsWith("e.json: is not an object"));
   EXPECT_THROW(parse_exercise("{", "e.json", fork()), InputError);
+  try {
+    parse_exercise("{\"title\": \"a\",\n\"task\": \"b\"\n\"targets\": []}", "e.json", fork());
+    FAIL() << "accepted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), StartsWith("e.json: line 3: no valid JSON"));
+  }
 }
 
 TEST(Exercise, NamesAnInstrumentThatThereIsNot) {
@@ -242,6 +253,21 @@ TEST_F(ExerciseProgressTest, ReachesTargetsInTheirOrder) {
   EXPECT_GT(state().targets[1].reached_s, state().targets[0].reached_s);
   // 100 mm/s: about 54 mm from the introducer to the first.
   EXPECT_NEAR(*state().targets[0].reached_s, 0.54, 0.1);
+}
+
+TEST_F(ExerciseProgressTest, ReachesAVesselFromItsFarEndWhereItsMarkIs) {
+  Json json = usual();
+  json["entry"] = "right arm";
+  json["forbidden"] = Json::array();
+  json["targets"] = {{{"vessel", "stem"}, {"depth_mm", 40}}};
+  begin(json);
+  push_to(70);  // in the stem, at a depth of some 90 mm
+  EXPECT_EQ(instruments_->tip(0).branch, 0);
+  EXPECT_EQ(state().reached(), 0);
+  push_to(112);
+  EXPECT_EQ(state().reached(), 0);
+  push_to(130);
+  EXPECT_EQ(state().reached(), 1);
 }
 
 TEST_F(ExerciseProgressTest, CountsForbiddenEntriesOnce) {

@@ -149,7 +149,7 @@ TEST_P(RefusedInstrument, NamesTheField) {
 INSTANTIATE_TEST_SUITE_P(
     Bad, RefusedInstrument,
     testing::Values(
-        BadInstrument{"NotJson", "{", "[", "not a JSON object"},
+        BadInstrument{"NotJson", "{", "[", "line 1: no valid JSON"},
         BadInstrument{"DeepJson", "{", "{\"x\": [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[", "32 levels deep"},
         BadInstrument{"NoRadius", "\"radius_mm\"", "\"radius_inch\"", "\"radius_mm\" is missing"},
         BadInstrument{"RadiusText", "0.5,", "\"thin\",", "\"radius_mm\" is not a number"},

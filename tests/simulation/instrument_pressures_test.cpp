@@ -12,6 +12,7 @@
 #include <memory>
 #include <optional>
 #include <random>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -87,12 +88,13 @@ TEST(TipPressures, AreThoseOfTheLastHeartbeat) {
   const TipPressures fine = readings({}, [](double at_s) { return at_s + 1e-3; });
   const TipPressures uneven = readings({}, [&](double at_s) { return at_s + waits(random); });
   // A sample of the beat more or less; at uneven times up to 60 ms apart what lies between is not seen.
-  for (const auto& [told, tolerance_mmHg] : {std::pair{&fine, 0.3}, std::pair{&uneven, 3.0}}) {
+  for (const auto& [told, tolerance_mmHg, of_mean_mmHg] :
+       {std::tuple{&fine, 0.3, 0.05}, std::tuple{&uneven, 3.0, 0.3}}) {
     EXPECT_NEAR(told->tip(0).systolic_mmHg, wanted.most, tolerance_mmHg);
     EXPECT_NEAR(told->tip(0).diastolic_mmHg, wanted.least, tolerance_mmHg);
-    EXPECT_NEAR(told->tip(0).mean_mmHg, wanted.mean, tolerance_mmHg);
+    EXPECT_NEAR(told->tip(0).mean_mmHg, wanted.mean, of_mean_mmHg);
     EXPECT_NEAR(told->tip_means_mmHg()[0], told->tip(0).mean_mmHg, 1e-12);
-    EXPECT_NEAR(told->aorta().mean_mmHg, aorta.mean, tolerance_mmHg);
+    EXPECT_NEAR(told->aorta().mean_mmHg, aorta.mean, of_mean_mmHg);
     EXPECT_NEAR(told->tip(1).systolic_mmHg, told->aorta().systolic_mmHg, 1);
   }
 }

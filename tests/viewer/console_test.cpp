@@ -127,6 +127,33 @@ TEST_F(Console, BlendsARoadMapOfWhatWasOpacified) {
   EXPECT_NEAR(grey(kSoftTissue), tissue, 3);
 }
 
+TEST_F(Console, KeepsMaskAndRoadMapBehindOtherBladesAndCompression) {
+  console_.subtract(true);
+  expose(false, 4);
+  expose(true);
+  const int filled = grey(kVessel);
+  console_.compress(0.8);
+  console_.collimate(Collimation{120, 60});  // on the detector: the whole width
+  expose(true);
+  EXPECT_FALSE(console_.is_masking());
+  EXPECT_TRUE(console_.has_angiogram());
+  EXPECT_NEAR(grey(kVessel), filled, 3) << "of less scatter";
+  console_.collimate({});
+  EXPECT_FALSE(console_.is_masking()) << "the mask was taken without blades";
+  console_.subtract(false);
+  console_.show_road_map(true);
+  console_.collimate(Collimation{120, 60});
+  console_.compress(0.2);
+  expose(false);
+  EXPECT_TRUE(console_.shows_road_map());
+  console_.subtract(true);
+  expose(false, 4);
+  console_.collimate({});
+  EXPECT_TRUE(console_.is_masking()) << "behind blades it has nothing";
+  EXPECT_THROW(console_.compress(2), InputError);
+  EXPECT_THROW(console_.collimate(Collimation{-1, 5}), InputError);
+}
+
 TEST_F(Console, ForgetsMaskAndRoadMapWhenTheCArmMoves) {
   console_.subtract(true);
   expose(false, 4);

@@ -26,7 +26,9 @@ std::string report(double time_s, const std::string& more = "") {
 const char* const kExercise =
     R"(, "exercise": {"title": "Left <renal>", "is_complete": true, "is_passed": false,
   "targets": [{"name": "left renal artery", "reached_s": 7.84}], "forbidden_entries": [{"name": "aorta", "time_s": 3}],
-  "limits": [{"name": "time_s", "limit": 60, "passed_s": null}, {"name": "force_N", "limit": 1, "passed_s": 2}]})";
+  "limits": [{"name": "time_s", "limit": 60, "largest": 12.5, "passed_s": null},
+             {"name": "fluoroscopy_s", "limit": 9, "largest": null, "passed_s": null},
+             {"name": "force_N", "limit": 1, "largest": 1.2, "passed_s": 2}]})";
 
 const char* const kSeries =
     R"(, "series": {"time_s": [0, 0.2, 0.4], "instruments": [{"insertion_mm": [0, 1, 2],
@@ -43,10 +45,14 @@ TEST(SavedRun, HasWhatWasReported) {
   EXPECT_EQ(run.of_instruments[0].at("slips"), 2);
   EXPECT_TRUE(run.is_complete);
   EXPECT_FALSE(run.is_passed);
-  using Outcome = std::pair<std::string, std::string>;
-  EXPECT_THAT(run.outcomes, testing::ElementsAre(Outcome{"left renal artery", "7.8 s"},
-                                                 Outcome{"forbidden: aorta", "3.0 s"},
-                                                 Outcome{"limit passed: force at the hub of 1 N", "2.0 s"}));
+  using Outcome = SavedRun::Outcome;
+  EXPECT_THAT(
+      run.outcomes,
+      testing::ElementsAre(Outcome{"target: left renal artery", "7.8 s", 7.84},
+                           Outcome{"forbidden: aorta", "3.0 s", 3}, Outcome{"limit: time of 60 s", "12.5 s"},
+                           Outcome{"limit: fluoroscopy of 9 s", "not counted"},
+                           Outcome{"limit: force at the hub of 1 N", "1.2 N, passed after 2.0 s", 2}));
+  EXPECT_EQ(run.complete_s, 7.84);
   EXPECT_EQ(run.curves[0].at("force_N").size(), 3);
 }
 
@@ -161,8 +167,9 @@ TEST(Runs, AreATableWithALineEach) {
   write_runs(file("runs.csv"),
              {SavedRun::parse(report(1, kExercise), "a \"b\""), SavedRun::parse(report(2), "c")});
   const std::string csv = read_whole_file(file("runs.csv"));
-  EXPECT_THAT(csv, HasSubstr("\n\"a \"\"b\"\"\",\"Left <renal>\",1,0,1,,"));
-  EXPECT_THAT(csv, HasSubstr("\n\"c\",\"\",,,2,,"));
+  EXPECT_THAT(csv, HasSubstr(",\"target: left renal artery (s)\",\"forbidden: aorta (s)\","));
+  EXPECT_THAT(csv, HasSubstr("\n\"a \"\"b\"\"\",\"Left <renal>\",1,0,7.84,3,,,2,1,,"));
+  EXPECT_THAT(csv, HasSubstr("\n\"c\",\"\",,,,,,,,2,,"));
   const auto commas = [](const std::string& line) { return std::ranges::count(line, ','); };
   const std::size_t first = csv.find('\n'), second = csv.find('\n', first + 1);
   EXPECT_EQ(commas(csv.substr(0, first)), commas(csv.substr(first, second - first)));
@@ -174,12 +181,12 @@ TEST(Runs, AreAPageThatLoadsNothing) {
       {SavedRun::parse(report(1, std::string(kExercise) + kSeries), "<a>"), SavedRun::parse(report(2), "c")},
       SavedRun::parse(report(0.5), "best"));
   const std::string html = read_whole_file(file("runs.html"));
-  EXPECT_THAT(html, HasSubstr("<th>best</th><th>&lt;a&gt;</th><th>c</th>"));
-  EXPECT_THAT(html, HasSubstr("complete, but not passed"));
+  EXPECT_THAT(html, HasSubstr("<th>best</th><th>1. &lt;a&gt;</th><th>2. c</th>"));
+  EXPECT_THAT(html, HasSubstr("complete, but not passed, after 7.8 s"));
   EXPECT_THAT(html, HasSubstr("time over the runs"));
   EXPECT_THAT(html, HasSubstr("force at the hub"));
   EXPECT_THAT(html, Not(HasSubstr("://")));
-  EXPECT_THAT(html, Not(HasSubstr("fluoroscopy")));  // none has one
+  EXPECT_THAT(html, Not(HasSubstr("scope=\"row\">fluoroscopy")));  // none has one
 }
 
 TEST(Runs, AreOfKnownKinds) {

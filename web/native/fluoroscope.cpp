@@ -76,22 +76,17 @@ EMSCRIPTEN_KEEPALIVE void fluoroscope_dose(int level) {
 /// Opening between the blades in mm at the isocentre; a width of 0: they are open.
 EMSCRIPTEN_KEEPALIVE const char* fluoroscope_blades(double width_mm, double height_mm) {
   return failure_of([&] {
-    xraycast::FluoroscopyOptions options = console->options();
-    const auto [source_axis_mm, source_detector_mm] = options.c_arm.distances;
+    const auto [source_axis_mm, source_detector_mm] = console->options().c_arm.distances;
     const double larger = source_detector_mm / source_axis_mm;
-    options.collimation.reset();
-    if (width_mm > 0) options.collimation = xraycast::Collimation{larger * width_mm, larger * height_mm};
-    console->set(std::move(options));
+    std::optional<xraycast::Collimation> blades;
+    if (width_mm > 0) blades = xraycast::Collimation{larger * width_mm, larger * height_mm};
+    console->collimate(blades);
   });
 }
 
 /// Of the display's range, 0 to 1.
 EMSCRIPTEN_KEEPALIVE const char* fluoroscope_compression(double share) {
-  return failure_of([&] {
-    xraycast::FluoroscopyOptions options = console->options();
-    options.compression = share;
-    console->set(std::move(options));
-  });
+  return failure_of([&] { console->compress(share); });
 }
 
 EMSCRIPTEN_KEEPALIVE void fluoroscope_subtract(bool subtracts) { console->subtract(subtracts); }

@@ -12,10 +12,12 @@ const kLimits: Record<string, readonly [words: string, unit: string]> = {
 };
 const digits_of = (limit: number) => (limit < 10 ? 2 : limit < 100 ? 1 : 0);
 
-/** Opens the page anew; another exercise where it takes place. */
-function choose(exercise: number, is_another: boolean): void {
+/** Opens the page anew; another exercise where it takes place. A run that would be lost is asked for. */
+function choose(exercise: number, is_another: boolean, has_run: boolean): boolean {
+  if (has_run && !confirm("Start again? What was done so far is lost, unless run and report were saved.")) return false;
   history.replaceState(null, "", hash_with_exercise(is_another ? "" : location.hash, exercise));
   location.reload();
+  return true;
 }
 
 /** Changes what is another item alone: what changes is read out. */
@@ -28,18 +30,24 @@ function show_items(list: HTMLElement, items: readonly { words: string; kind: st
   while (list.children.length > items.length) list.lastElementChild!.remove();
 }
 
-const words_of_limit = (name: string) => kLimits[name] ?? ([name, ""] as const);
+export const words_of_limit = (name: string) => kLimits[name] ?? ([name, ""] as const);
+
+/** What was used of a limit, as far as that is counted. */
+export function words_of_use({ name, limit, largest }: ExerciseReport["limits"][number]): string {
+  const unit = words_of_limit(name)[1];
+  return `${largest === undefined || largest === null ? "at most" : `${fixed(largest, digits_of(limit))} of`} ${limit} ${unit}`;
+}
 
 /** What is left of the limits, and where not to go: it changes all the time, and is not read out. */
 function show_rules({ limits, forbidden }: ExerciseReport): void {
   show_items(element("exercise-rules"), [
-    ...limits.map(({ name, limit, largest, passed_s }) => {
-      const [words, unit] = words_of_limit(name);
-      return { words: `${words} ${largest === undefined || largest === null ? "at most" : `${fixed(largest, digits_of(limit))} of`} ${limit} ${unit}`, kind: passed_s === null ? "" : "fault" };
-    }),
+    ...limits.map((limit) => ({ words: `${words_of_limit(limit.name)[0]} ${words_of_use(limit)}`, kind: limit.passed_s === null ? "" : "fault" })),
     ...(forbidden.length === 0 ? [] : [{ words: `keep out of: ${forbidden.join(", ")}`, kind: "" }]),
   ]);
 }
+
+/** Of an exercise that is complete. */
+const words_of_result = ({ is_passed }: ExerciseReport) => (is_passed ? "Passed." : "Complete, but not passed: see what is marked ✗.");
 
 /** What became of each target, and of forbidden vessels and limits; returns which target is next, -1 for none. */
 function show_progress(report: ExerciseReport): number {
@@ -51,7 +59,7 @@ function show_progress(report: ExerciseReport): number {
     ...report.limits.filter(({ passed_s }) => passed_s !== null).map(({ name, limit, passed_s }) => item(`✗ ${words_of_limit(name)[0]} above ${limit} ${words_of_limit(name)[1]}: ${fixed(passed_s!, 1)} s`, "fault")),
   ]);
   show_rules(report);
-  const result = element("exercise-result"), words = report.is_passed ? "Passed." : "Complete, but not passed: see what is marked ✗.";
+  const result = element("exercise-result"), words = report.is_complete ? words_of_result(report) : "";
   result.hidden = !report.is_complete;
   if (result.textContent !== words) result.textContent = words;
   return next;
@@ -77,14 +85,17 @@ export class Exercise {
   private next: TargetMark | null;
   private is_marked = true;
 
-  constructor({ exercises, exercise }: Trainer, private readonly mark: (target: TargetMark | null) => void) {
+  /** `has_run`: whether anything was done since the page was opened. */
+  constructor({ exercises, exercise }: Trainer, private readonly mark: (target: TargetMark | null) => void, has_run: () => boolean) {
     this.exercise = exercise;
     this.next = exercise?.targets[0] ?? null;
     const choice = element<HTMLSelectElement>("exercise-choice"), number = exercise ? exercises.indexOf(exercise) + 1 : 0;
     choice.append(...exercises.map(({ title }, e) => new Option(`${e + 1}. ${title}`, String(e + 1))), new Option("Steer freely", "0"));
     choice.value = String(number);
-    choice.addEventListener("change", () => choose(Number(choice.value), true));
-    element("exercise-again").addEventListener("click", () => choose(number, false));
+    choice.addEventListener("change", () => {
+      if (!choose(Number(choice.value), true, has_run())) choice.value = String(number);
+    });
+    element("exercise-again").addEventListener("click", () => choose(number, false, has_run()));
     element("exercise").hidden = false;
     element("exercise-task").textContent = exercise?.task ?? "";
     const marks = element("exercise-mark");

@@ -30,7 +30,10 @@ export class ExposurePanel {
     for (const id of ["exposure-buttons", "dose-readout"]) element(id).hidden = false;
     const dose = element<HTMLSelectElement>("dose");
     dose.append(...kDoses.map((name, level) => new Option(name, String(level))));
-    dose.addEventListener("change", () => this.set({ dose: Number(dose.value) }));
+    dose.addEventListener("change", () => {
+      this.set({ dose: Number(dose.value) });
+      dose.blur(); // keys steer again
+    });
     element("subtract").addEventListener("click", () => this.set({ subtracts: !this.settings.subtracts }));
     element("new-mask").addEventListener("click", () => actions.take_new_mask());
     element("angiogram-map").addEventListener("click", () => this.toggle_road_map());
@@ -38,6 +41,7 @@ export class ExposurePanel {
     element("phase-masks").addEventListener("click", () => this.set({ mask_matching: this.settings.mask_matching ? null : matching }));
     element("phase-masks").hidden = matching === null;
     this.compression.addEventListener("input", () => this.set({ compression: Number(this.compression.value) }));
+    for (const slider of [this.compression, ...this.sliders]) slider.addEventListener("pointerup", () => slider.blur());
     for (const slider of this.sliders) slider.addEventListener("input", () => this.set_blades(this.sliders.map(({ value }) => Number(value))));
     this.show_settings();
   }
@@ -78,8 +82,8 @@ export class ExposurePanel {
     const { subtracts, shows_maximum, shows_road_map, mask_matching } = this.settings, has_angiogram = this.exposed?.has_angiogram ?? false;
     show_toggle("subtract", true, subtracts);
     element<HTMLButtonElement>("new-mask").disabled = !subtracts;
-    show_toggle("max-opacification", subtracts, shows_maximum);
-    show_toggle("phase-masks", subtracts, mask_matching !== null);
+    show_toggle("max-opacification", subtracts, subtracts && shows_maximum);
+    show_toggle("phase-masks", subtracts, subtracts && mask_matching !== null);
     show_toggle("angiogram-map", has_angiogram || shows_road_map, shows_road_map);
   }
 

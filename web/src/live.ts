@@ -12,11 +12,11 @@ import { ModeHeader, MotionMode } from "./motion_mode";
 import type { Notes } from "./notes";
 import { Exercise, show_told } from "./exercise";
 import { ExposurePanel } from "./exposure_panel";
-import type { MaskMatching } from "./fluoroscope";
+import type { ConsoleSettings, MaskMatching } from "./fluoroscope";
 import { Fluoroscopy } from "./fluoroscopy";
 import { Recording } from "./recording";
 import { Report } from "./report";
-import { save_file } from "./saved_file";
+import { name_of_file, save_file } from "./saved_file";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
 import { SteeringAction, Steering } from "./steering";
@@ -100,6 +100,9 @@ function matching_of(modes: readonly ModeHeader[]): MaskMatching | null {
   return header ? { mode, wraps: header.wraps, cycle_s: new MotionMode(header).cycle_s } : null;
 }
 
+/** What was subtracted or mapped would be lost with the view: then the table stays where it is. */
+const keeps_table = ({ subtracts, shows_road_map }: Pick<ConsoleSettings, "subtracts" | "shows_road_map">) => subtracts || shows_road_map;
+
 export class LiveView {
   private readonly chart: LoadChart;
   private readonly pressure: PressureChart;
@@ -118,6 +121,7 @@ export class LiveView {
   private exposures = -1; // of the picture that is shown
   private has_moved = false; // the C-arm, by this page, since the server was told
   private held_hub = -1;
+  private has_told_of_lumen = false; // since the injector was pressed
   private shown_ms = -Infinity;
   private is_due = false;
   private follows = true;
@@ -129,7 +133,7 @@ export class LiveView {
     const names = live.instruments.map(({ name }) => name);
     document.body.classList.add("live");
     for (const id of ["hand", "live", "live-keys", "save-run"]) element(id).hidden = false;
-    element("save-run").addEventListener("click", () => save_file(new Blob([this.recording.csv()], { type: "text/csv" }), "run.csv"));
+    element("save-run").addEventListener("click", () => save_file(new Blob([this.recording.csv()], { type: "text/csv" }), name_of_file("run", trainer?.exercise?.title ?? "", "csv")));
     this.show_keys(false);
     this.recording = new Recording(names.length);
     this.loads = new LastLoads(names);
@@ -163,7 +167,7 @@ export class LiveView {
     const exercise = trainer.exercises.length === 0 ? null : new Exercise(trainer, (target) => {
       this.picture.target = target;
       this.redraw();
-    });
+    }, () => report.has_run);
     const exposure = (this.exposure = this.add_exposure(trainer, motion && matching_of(motion.modes)));
     const link = new TrainerLink(trainer, worker, {
       compiled: (code, setup) => this.begin_fluoroscopy(code, setup, exposure, link),
@@ -172,7 +176,7 @@ export class LiveView {
         report.told(told);
         exercise?.told(told.exercise);
       },
-      saves: (told) => save_file(new Blob([`${JSON.stringify(told)}\n`], { type: "application/json" }), "report.json"),
+      saves: (told) => save_file(new Blob([`${JSON.stringify(told)}\n`], { type: "application/json" }), name_of_file("report", trainer.exercise?.title ?? "", "json")),
       told: (message) => this.told(message), has_role: (role) => this.has_role(role), refused: (why) => this.notes.tell(`${why}.`),
       exchanged: (instrument, choice) => {
         this.live.instruments[instrument] = trainer.choices[choice]!;
@@ -196,6 +200,7 @@ export class LiveView {
     const panel = new ExposurePanel({
       set: (settings) => {
         if (this.picture.fluoroscopy) this.picture.fluoroscopy.settings = settings;
+        element<HTMLButtonElement>("table-follows").disabled = keeps_table(settings);
         this.redraw(); // where the blades are
       },
       take_new_mask: () => this.picture.fluoroscopy?.take_new_mask(),
@@ -281,10 +286,9 @@ export class LiveView {
     if (this.exposures >= 0) fluoroscopy.expose(exposures - this.exposures);
   }
 
-  /** What was subtracted or mapped would be lost with the view: then the table stays where it is. */
   private follow(message: LiveMessage): void {
     const { store, picture } = this, { pose } = store.state, settings = this.exposure?.settings;
-    if (!this.follows || !settings || settings.subtracts || settings.shows_road_map) return;
+    if (!this.follows || !settings || keeps_table(settings)) return;
     const tip_mm = this.table_follow.moved_tip_mm(message), view = picture.view(store.state);
     if (tip_mm === null) return;
     const table_mm = followed_mm(pose.table_mm, picture.bounds.centre_mm[2], view, tip_mm);
@@ -313,7 +317,12 @@ export class LiveView {
 
   private read_out(message: LiveMessage): void {
     const { held_hub, instruments, exposes, injects } = message, held = instruments[held_hub];
-    if (this.live.has_hub && held_hub !== this.held_hub) this.chart.choose(held_hub);
+    if (this.live.has_hub && held_hub !== this.held_hub) {
+      this.chart.choose(held_hub);
+      if (this.held_hub >= 0) this.notes.tell(`You hold the ${this.live.instruments[held_hub]?.name ?? "other"}.`);
+    }
+    if (injects && !message.has_outlet && !this.has_told_of_lumen) this.notes.tell("No lumen is free: draw the wire back to 0 mm to inject.");
+    this.has_told_of_lumen = injects;
     this.held_hub = held_hub;
     this.chart.show();
     this.pressure.show();

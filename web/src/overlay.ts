@@ -68,8 +68,27 @@ function draw_blades(context: CanvasRenderingContext2D, view: View, blades_mm: r
   context.restore();
 }
 
+/** At the picture's side, the way to what lies beyond it. */
+function draw_arrow(context: CanvasRenderingContext2D, view: View, x: number, y: number, scale: number): void {
+  const margin = 24 * scale, across = 0.5 * view.width, along = 0.5 * view.height, angle = Math.atan2(y - along, x - across);
+  const reach = Math.min((across - margin) / Math.abs(Math.cos(angle)), (along - margin) / Math.abs(Math.sin(angle)));
+  context.save();
+  context.translate(across + reach * Math.cos(angle), along + reach * Math.sin(angle));
+  context.rotate(angle);
+  context.beginPath();
+  for (const [dx, dy] of [[12, 0], [-8, -9], [-3, 0], [-8, 9]] as const) context.lineTo(dx * scale, dy * scale);
+  context.closePath();
+  context.lineWidth = 3 * scale;
+  context.strokeStyle = "#000";
+  context.stroke();
+  context.fillStyle = kInk;
+  context.fill();
+  context.restore();
+}
+
 function draw_target(context: CanvasRenderingContext2D, view: View, { at_mm, radius_mm }: TargetMark, scale: number): void {
   const kLeast = 9, { x, y, pixels_per_mm } = shown_at(view, at_mm), radius = Math.max(kLeast * scale, radius_mm * pixels_per_mm);
+  if (x < 0 || y < 0 || x > view.width || y > view.height) return draw_arrow(context, view, x, y, scale);
   context.save();
   for (const [width, colour] of [[4 * scale, "#000"], [2 * scale, kInk]] as const) {
     context.lineWidth = width;

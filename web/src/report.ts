@@ -1,6 +1,7 @@
 // What a run's instruments did so far, as a table, over its time, and as a file (docs/exercises.md).
 import { SeriesChart } from "./series_chart";
 import { fixed } from "./fixed";
+import { words_of_limit, words_of_use } from "./exercise";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -50,6 +51,17 @@ export interface RunReport {
   series?: { time_s: number[]; instruments: Record<string, number[]>[] };
 }
 
+/** What became of an exercise: of itself, its targets, forbidden vessels and limits. */
+function outcomes_of({ is_complete, is_passed, targets, forbidden_entries, limits }: ExerciseReport): (readonly [string, string])[] {
+  const at = (time_s: number | null) => (time_s === null ? "not reached" : `${fixed(time_s, 1)} s`), last_s = Math.max(...targets.map(({ reached_s }) => reached_s ?? 0));
+  return [
+    ["result", is_complete ? `${is_passed ? "passed" : "complete, but not passed"}, after ${at(last_s)}` : "not complete"],
+    ...targets.map(({ name, reached_s }) => [`target: ${name}`, at(reached_s)] as const),
+    ...forbidden_entries.map(({ name, time_s }) => [`forbidden: ${name}`, at(time_s)] as const),
+    ...limits.map((limit) => [`limit: ${words_of_limit(limit.name)[0]}`, words_of_use(limit) + (limit.passed_s === null ? "" : `, passed after ${at(limit.passed_s)}`)] as const),
+  ];
+}
+
 const shown = (figures: Figures, { name, unit, digits }: Figure) => (figures[name] === undefined ? "" : `${fixed(figures[name], digits)}${unit === "°" ? "" : " "}${unit}`.trim());
 
 export class Report {
@@ -68,6 +80,11 @@ export class Report {
     element("save-report").addEventListener("click", save);
   }
 
+  /** Whether anything was done. */
+  get has_run(): boolean {
+    return ((this.report as unknown as Figures | null)?.time_s ?? 0) > 0;
+  }
+
   told(report: RunReport): void {
     this.report = report;
     this.show();
@@ -78,14 +95,14 @@ export class Report {
 
   private show(): void {
     if (!this.list.open || !this.report) return;
-    const { instruments, treatments = [] } = this.report, run = this.report as unknown as Figures;
+    const { instruments, treatments = [], exercise } = this.report, run = this.report as unknown as Figures;
     const row = (kind: "td" | "th", words: string, ...values: string[]) => {
       const row = document.createElement("tr"), name = Object.assign(document.createElement("th"), { scope: "row", textContent: words });
       row.append(name, ...values.map((textContent) => Object.assign(document.createElement(kind), { textContent })));
       return row;
     };
     this.table.replaceChildren(
-      ...kOfRun.map((figure) => row("td", figure.words, shown(run, figure))), row("th", "", ...instruments.map(({ name }) => name)),
+      ...(exercise ? outcomes_of(exercise).map(([words, what]) => row("td", words, what)) : []), ...kOfRun.map((figure) => row("td", figure.words, shown(run, figure))), row("th", "", ...instruments.map(({ name }) => name)),
       ...kOfInstrument.map((figure) => row("td", figure.words, ...instruments.map((figures) => shown(figures, figure)))),
       ...(treatments.length === 0 ? [] : [row("th", "treated", ...treatments.map(({ device, vessel }) => `${vessel}: ${device}`))]),
       ...kOfTreatment.filter(({ name }) => treatments.some((one) => one[name] !== undefined)).map((figure) => row("td", figure.words, ...treatments.map((figures) => shown(figures, figure)))),

@@ -211,7 +211,7 @@ ScaleEdit scale_of(const std::string& words) {
 }
 
 Edits read_edits(const std::filesystem::path& file) {
-  const nlohmann::json document = parse_json(read_whole_file(file), file.string());
+  const nlohmann::json document = parse_edited_json(read_whole_file(file), file.string());
   if (!document.is_object() || !document.contains("edits") || !document["edits"].is_array())
     throw InputError("{}: \"edits\" is not a list; give the edits.json of an edited folder", file.string());
   Edits edits;

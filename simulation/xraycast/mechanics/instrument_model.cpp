@@ -321,7 +321,7 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
 }
 
 InstrumentModel InstrumentModel::from_json(const std::string& text, const std::string& origin) {
-  const Json json = parse_json(text, origin);
+  const Json json = parse_edited_json(text, origin);
   if (!json.is_object())
     throw InputError("{}: not a JSON object; see docs/simulation.md for the fields of an instrument model",
                      origin);

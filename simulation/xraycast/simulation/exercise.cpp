@@ -136,7 +136,8 @@ ExerciseTarget target_of(const nlohmann::json& value, const std::string& where, 
   const ExerciseFields fields(value, where,
                               {"name", "vessel", "depth_mm", "at_mm", "radius_mm", "instrument"});
   if (fields.has("vessel") == fields.has("at_mm"))
-    throw InputError("{}: has either \"vessel\" or \"at_mm\"", where);
+    throw InputError("{}: has {} of \"vessel\" and \"at_mm\"; give one", where,
+                     fields.has("vessel") ? "both" : "neither");
   ExerciseTarget target;
   if (fields.has("vessel")) {
     if (fields.has("radius_mm")) throw InputError("{}: applies to \"at_mm\"", fields.field("radius_mm"));
@@ -158,8 +159,9 @@ ExerciseTarget target_of(const nlohmann::json& value, const std::string& where, 
   if (!fields.has("instrument")) return target;
   const std::optional<std::int64_t> number = whole_number(fields.value("instrument"));
   if (!number || *number < 1 || *number > static_cast<std::int64_t>(instruments))
-    throw InputError("{}: must be 1, for the outermost instrument, to {}", fields.field("instrument"),
-                     instruments);
+    throw InputError("{}: must be 1{}", fields.field("instrument"),
+                     instruments == 1 ? std::string(": there is one instrument")
+                                      : fmt::format(", for the outermost instrument, to {}", instruments));
   target.instrument = static_cast<std::size_t>(*number - 1);
   return target;
 }
@@ -185,11 +187,23 @@ ExerciseLimits limits_of(const nlohmann::json& value, const std::string& where) 
   return limits;
 }
 
+/// Throws InputError for a target in a forbidden vessel, since nobody could pass.
+void check_allowed_targets(const Exercise& exercise, const std::string& field) {
+  const auto is_in = [](const ForbiddenVessel& vessel, int branch) {
+    return std::find(vessel.branches.begin(), vessel.branches.end(), branch) != vessel.branches.end();
+  };
+  for (const ExerciseTarget& target : exercise.targets)
+    for (const ForbiddenVessel& vessel : exercise.forbidden)
+      for (const int branch : target.branches)
+        if (is_in(vessel, branch))
+          throw InputError("{}: {} is a target, so that nobody could pass; leave one of them out", field,
+                           vessel.name);
+}
+
 }  // namespace
 
 Exercise parse_exercise(const std::string& text, const std::string& origin, const VesselTree& tree) {
-  const nlohmann::json document = parse_json(text, origin);
-  if (document.is_discarded()) throw InputError("{}: is not JSON", origin);
+  const nlohmann::json document = parse_edited_json(text, origin);
   const ExerciseFields fields(
       document, origin,
       {"title", "task", "entry", "instruments", "devices", "targets", "forbidden", "limits", "reference"});
@@ -218,6 +232,7 @@ Exercise parse_exercise(const std::string& text, const std::string& origin, cons
       exercise.forbidden.push_back(forbidden_in(
           vessel, fmt::format("{}[{}]", fields.field("forbidden"), exercise.forbidden.size()), tree));
   }
+  check_allowed_targets(exercise, fields.field("forbidden"));
   if (fields.has("limits")) exercise.limits = limits_of(fields.value("limits"), fields.field("limits"));
   if (fields.has("reference")) exercise.reference = fields.text("reference", kLongestTask);
   return exercise;

@@ -36,6 +36,7 @@ ExerciseProgress::ExerciseProgress(Exercise exercise, const VesselTree& tree)
     : exercise_(std::move(exercise)) {
   for (const ExerciseTarget& target : exercise_.targets) {
     target_depths_.emplace_back(tree, target.branches);
+    came_deeper_.emplace_back(Instruments::kMaxCount);
     state_.targets.push_back({.name = target.name});
   }
   for (const ForbiddenVessel& vessel : exercise_.forbidden) {
@@ -59,9 +60,22 @@ void ExerciseProgress::add(const Instruments& instruments, const RunReport& repo
   const double time_s = report.figures().time_s;
   add_entries(instruments, time_s);
   add_limits(instruments, report);
+  look_where_tips_came_from(instruments);
   for (std::size_t next = state_.reached(); next < state_.targets.size() && is_reached(next, instruments);
        ++next)
     state_.targets[next].reached_s = time_s;
+}
+
+void ExerciseProgress::look_where_tips_came_from(const Instruments& instruments) {
+  for (std::size_t t = 0; t < exercise_.targets.size(); ++t)
+    for (std::size_t d = 0; d < instruments.count(); ++d) {
+      std::optional<bool>& came_deeper = came_deeper_[t][d];
+      const std::optional<double> depth_mm = depth_of(target_depths_[t], instruments.tip(d));
+      if (!depth_mm)
+        came_deeper.reset();
+      else if (!came_deeper)
+        came_deeper = *depth_mm > exercise_.targets[t].depth_mm;
+    }
 }
 
 bool ExerciseProgress::is_reached(std::size_t target, const Instruments& instruments) const {
@@ -69,9 +83,12 @@ bool ExerciseProgress::is_reached(std::size_t target, const Instruments& instrum
   for (std::size_t d = 0; d < instruments.count(); ++d) {
     if (wanted.instrument && *wanted.instrument != d) continue;
     const InstrumentTip tip = instruments.tip(d);
-    if (wanted.branches.empty() ? glm::distance(tip.scan_mm, wanted.at_mm) <= wanted.radius_mm
-                                : depth_of(target_depths_[target], tip) >= wanted.depth_mm)
-      return true;
+    if (wanted.branches.empty()) {
+      if (glm::distance(tip.scan_mm, wanted.at_mm) <= wanted.radius_mm) return true;
+    } else if (const std::optional<bool> came_deeper = came_deeper_[target][d]) {
+      const std::optional<double> depth_mm = depth_of(target_depths_[target], tip);
+      if (*came_deeper ? depth_mm <= wanted.depth_mm : depth_mm >= wanted.depth_mm) return true;
+    }
   }
   return false;
 }

@@ -55,11 +55,15 @@ class ExerciseProgress {
 
  private:
   bool is_reached(std::size_t target, const Instruments& instruments) const;
+  void look_where_tips_came_from(const Instruments& instruments);
   void add_entries(const Instruments& instruments, double time_s);
   void add_limits(const Instruments& instruments, const RunReport& report);
 
   Exercise exercise_;
   std::vector<VesselDepth> target_depths_, forbidden_depths_;
+  /// Of each target, each instrument: whether its tip came into the vessel deeper than the target; none where
+  /// it is not in it.
+  std::vector<std::vector<std::optional<bool>>> came_deeper_;
   std::vector<std::vector<bool>> is_in_;  ///< of each forbidden vessel, each instrument
   std::vector<std::optional<double> ExerciseLimits::*> limited_;  ///< of the state's limits
   ExerciseState state_;

@@ -201,6 +201,8 @@ std::string in_words(const ExerciseProgress& progress) {
   for (const ExerciseState::Limit& limit : state.limits)
     if (limit.passed_s)
       text += fmt::format("; {} above {:g} after {:.1f} s", limit.name, limit.limit, *limit.passed_s);
+    else if (!limit.value)
+      text += fmt::format("; {} not counted", limit.name);
   return text;
 }
 

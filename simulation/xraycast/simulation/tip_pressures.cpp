@@ -43,9 +43,10 @@ std::vector<double> TipPressures::tip_means_mmHg() const {
 }
 
 void TipPressures::Line::add(double time_s, double mmHg, double kept_s) {
-  samples_.push_back({time_s, mmHg, samples_.empty() ? 0 : time_s - samples_.back().time_s});
+  const Sample before = samples_.empty() ? Sample{time_s, mmHg, 0, mmHg} : samples_.back();
+  samples_.push_back({time_s, mmHg, time_s - before.time_s, 0.5 * (before.mmHg + mmHg)});
   const auto count = [&](const Sample& sample, double sign) {
-    sum_mmHg_s_ += sign * sample.mmHg * sample.since_s;
+    sum_mmHg_s_ += sign * sample.mean_mmHg * sample.since_s;
     seconds_ += sign * sample.since_s;
   };
   count(samples_.back(), 1);
@@ -53,6 +54,14 @@ void TipPressures::Line::add(double time_s, double mmHg, double kept_s) {
     count(samples_.front(), -1);
     samples_.pop_front();
   }
+  kept_s_ = kept_s;
+}
+
+double TipPressures::Line::mean_mmHg() const {
+  // Of the first sample's time, a part lies before the heartbeat.
+  const Sample& first = samples_.front();
+  const double before_s = std::max(0.0, seconds_ - kept_s_), seconds = seconds_ - before_s;
+  return seconds > 0 ? (sum_mmHg_s_ - before_s * first.mean_mmHg) / seconds : samples_.back().mmHg;
 }
 
 PressureReading TipPressures::Line::reading() const {

@@ -42,15 +42,15 @@ class TipPressures {
    public:
     void add(double time_s, double mmHg, double kept_s);
     PressureReading reading() const;
-    /// Over the time that the samples stand for.
-    double mean_mmHg() const { return seconds_ > 0 ? sum_mmHg_s_ / seconds_ : samples_.back().mmHg; }
+    double mean_mmHg() const;  ///< over the last heartbeat, or what of it was seen
 
    private:
     struct Sample {
-      double time_s, mmHg, since_s;  ///< since_s: the sample before
+      double time_s, mmHg;
+      double since_s, mean_mmHg;  ///< since the sample before, and the mean of both
     };
     std::deque<Sample> samples_;  ///< of the last heartbeat
-    double sum_mmHg_s_ = 0, seconds_ = 0;
+    double sum_mmHg_s_ = 0, seconds_ = 0, kept_s_ = 0;
   };
   Line aorta_;
   double first_s_ = 0;

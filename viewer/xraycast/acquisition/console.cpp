@@ -41,6 +41,27 @@ void FluoroscopyConsole::set(FluoroscopyOptions options) {
   forget_pictures();
 }
 
+void FluoroscopyConsole::set_picture(FluoroscopyOptions options) {
+  check(options);
+  if (acquisition_) acquisition_->fluoroscope()->set_picture(options.collimation, options.compression);
+  options_ = std::move(options);
+}
+
+void FluoroscopyConsole::collimate(const std::optional<Collimation>& blades) {
+  FluoroscopyOptions options = options_;
+  options.collimation = blades;
+  set_picture(std::move(options));
+  const bool is_within_mask = !mask_blades_ || (blades && blades->width_mm <= mask_blades_->width_mm &&
+                                                blades->height_mm <= mask_blades_->height_mm);
+  if (subtracts_ && !is_within_mask) take_new_mask();
+}
+
+void FluoroscopyConsole::compress(double share) {
+  FluoroscopyOptions options = options_;
+  options.compression = share;
+  set_picture(std::move(options));
+}
+
 void FluoroscopyConsole::next_dose() {
   options_.dose = options_.dose == DoseLevel::low      ? DoseLevel::normal
                   : options_.dose == DoseLevel::normal ? DoseLevel::cine
@@ -118,8 +139,10 @@ void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, co
   begins_run_ = false;
   paused_s_ = 0;
   acquisition_->set_phases(phases);
+  const bool is_mask = is_masking();
+  if (is_mask) mask_blades_ = options_.collimation;
   const AcquiredFrame& frame =
-      acquisition_->expose(tau, view, is_masking() ? Acquisition::Use::mask : Acquisition::Use::filled);
+      acquisition_->expose(tau, view, is_mask ? Acquisition::Use::mask : Acquisition::Use::filled);
   is_saturated_ = frame.pulse->is_saturated;
   codes_ = frame.pulse->codes;
   if (subtracts_) {

@@ -22,6 +22,14 @@ class FluoroscopyConsole {
   /// Changes the settings; counters go on. Throws as `check`, and then changes nothing.
   void set(FluoroscopyOptions options);
 
+  /// Other blades; none: they are open. Mask, angiogram and road map stay, but a mask that was taken behind
+  /// blades where there are none now. Throws as `check`, and for blades that leave no pixel open, and then
+  /// changes nothing.
+  void collimate(const std::optional<Collimation>& blades);
+
+  /// Compression of the display's range, 0 to 1. What was taken stays. Throws as `check`.
+  void compress(double share);
+
   /// Low, normal, cine, and again.
   void next_dose();
 
@@ -80,6 +88,7 @@ class FluoroscopyConsole {
 
  private:
   int mask_pulses() const;
+  void set_picture(FluoroscopyOptions options);
   void use_path(const WaterPath& path);
   void restart(const FluoroscopyOptions& options, const View& view);
   void turn_to(const View& view);
@@ -97,6 +106,7 @@ class FluoroscopyConsole {
   PixelShift shift_;
   std::optional<MaskMatching> matching_;
   double motion_speed_ = 1;
+  std::optional<Collimation> mask_blades_;  ///< as they were when the mask was taken
   std::vector<float> road_map_;
 };
 

@@ -138,7 +138,7 @@ DetectorDose dose_from(const CArmFields& fields) {
 }  // namespace
 
 CArm CArm::from_json(const std::string& text, const std::string& origin) {
-  const nlohmann::json json = parse_json(text, origin);
+  const nlohmann::json json = parse_edited_json(text, origin);
   const CArmFields fields(json, origin);
   fields.check_keys({"name", "sources", "source_axis_mm", "source_detector_mm", "table_aluminium_mm", "tube",
                      "grid", "detector", "detector_dose", "fields_mm", "display"});

@@ -83,6 +83,7 @@ struct Fluoroscope::State {
   }
 
   void set_view(const View& next);
+  void set_picture(const std::optional<Collimation>& collimation, std::optional<double> compression);
   const FluoroscopyFrame& expose(const RayDepths& rays);
   void settle(const RayDepths& rays);
   void begin_run(double pause_s);
@@ -127,6 +128,20 @@ void Fluoroscope::State::set_view(const View& next) {
   frame.logarithm.assign(pixels, 0);
   frame.codes.assign(pixels, 0);
   frame.shown.assign(pixels, 0);
+}
+
+void Fluoroscope::State::set_picture(const std::optional<Collimation>& collimation,
+                                     std::optional<double> compression) {
+  FluoroscopyOptions options = generator.options();
+  options.collimation = collimation;
+  options.compression = compression;
+  check(options);
+  View on_detector = view;
+  on_detector.pixel_mm = pixel_on_detector_mm(view, options.c_arm.distances);
+  DetectionChain other(options, on_detector);  // which may throw, and then nothing has changed
+  other.lag = std::move(chain->lag);
+  generator.set_picture(collimation, compression);
+  chain = std::move(other);
 }
 
 // ---- a pulse --------------------------------------------------------------------------------------------
@@ -272,6 +287,10 @@ void Fluoroscope::set_view(const View& view) { state_->set_view(view); }
 void Fluoroscope::set_path(WaterPath path) { state_->generator.set_path(std::move(path)); }
 void Fluoroscope::begin_run(double pause_s) { state_->begin_run(pause_s); }
 void Fluoroscope::set_dose(DoseLevel dose) { state_->generator.set_dose(dose); }
+void Fluoroscope::set_picture(const std::optional<Collimation>& collimation,
+                              std::optional<double> compression) {
+  state_->set_picture(collimation, compression);
+}
 void Fluoroscope::hold_technique(bool is_held) { state_->is_held = is_held; }
 
 const FluoroscopyOptions& Fluoroscope::options() const { return state_->generator.options(); }

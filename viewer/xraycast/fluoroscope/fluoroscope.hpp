@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -58,6 +59,10 @@ class Fluoroscope {
   void begin_run(double pause_s);
 
   void set_dose(DoseLevel dose);
+
+  /// Other blades, and another compression of the display's range; none: the C-arm's. Technique, dose and lag
+  /// go on. Throws as the constructor, and then changes nothing.
+  void set_picture(const std::optional<Collimation>& collimation, std::optional<double> compression);
 
   /// Whether the exposure control leaves voltage and mAs as they are, as for subtraction.
   void hold_technique(bool is_held);

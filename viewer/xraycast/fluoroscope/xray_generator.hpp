@@ -24,6 +24,12 @@ class XrayGenerator {
   /// The next pulse has the technique that goes with the new level.
   void set_dose(DoseLevel level);
 
+  /// What the options say of the picture; it changes no exposure by itself.
+  void set_picture(const std::optional<Collimation>& collimation, std::optional<double> compression) {
+    options_.collimation = collimation;
+    options_.compression = compression;
+  }
+
   /// For the optical depths of another map.
   void set_path(WaterPath path);
 

@@ -149,22 +149,40 @@ std::vector<double> values_in(const SavedJson& list, const std::string& where) {
   return values;
 }
 
-std::string seconds(const SavedJson& object, const char* key, const std::string& where) {
-  return fmt::format("{:.1f} s", number_in(object.at(key), where));
-}
+/// A limit of an exercise: its field, in words, and its unit.
+struct LimitWords {
+  const char* field;
+  const char* words;
+  const char* unit;
+};
+constexpr std::array<LimitWords, 7> kLimits{{{"time_s", "time", "s"},
+                                             {"fluoroscopy_s", "fluoroscopy", "s"},
+                                             {"air_kerma_mGy", "air kerma", "mGy"},
+                                             {"dap_Gycm2", "dose-area product", "Gy cm²"},
+                                             {"contrast_ml", "contrast agent", "ml"},
+                                             {"force_N", "force at the hub", "N"},
+                                             {"wall_force_N", "force on the wall", "N"}}};
 
-/// `force on the wall of 3 N`, of an exercise's limit.
-std::string limit_words(const std::string& name, double limit) {
-  constexpr std::array<std::array<const char*, 3>, 7> kLimits{{{"time_s", "time", "s"},
-                                                               {"fluoroscopy_s", "fluoroscopy", "s"},
-                                                               {"air_kerma_mGy", "air kerma", "mGy"},
-                                                               {"dap_Gycm2", "dose-area product", "Gy cm²"},
-                                                               {"contrast_ml", "contrast agent", "ml"},
-                                                               {"force_N", "force at the hub", "N"},
-                                                               {"wall_force_N", "force on the wall", "N"}}};
-  for (const auto& [field, words, unit] : kLimits)
-    if (name == field) return fmt::format("{} of {:g} {}", words, limit, unit);
-  return name;
+/// A limit with what was used of it.
+SavedRun::Outcome limit_outcome(const SavedJson& limit, const std::string& where) {
+  const std::string field = text_in(limit, "name", where);
+  const auto known = std::ranges::find(kLimits, std::string_view(field), &LimitWords::field);
+  const auto number = [&](const char* key) {
+    const SavedJson* value = find(limit, key);
+    return value ? std::optional(number_in(*value, where)) : std::nullopt;
+  };
+  const std::string unit = known == kLimits.end() ? "" : fmt::format(" {}", known->unit);
+  SavedRun::Outcome outcome{known == kLimits.end() ? field : known->words, "", number("passed_s")};
+  if (const std::optional<double> most = number("limit"))
+    outcome.name += fmt::format(" of {:g}{}", *most, unit);
+  outcome.name = "limit: " + outcome.name;
+  const std::optional<double> largest = number("largest");
+  if (largest) outcome.words = fmt::format("{:.3g}{}", *largest, unit);
+  if (outcome.time_s)
+    outcome.words += fmt::format("{}passed after {:.1f} s", largest ? ", " : "", *outcome.time_s);
+  else if (!largest)
+    outcome.words = "not counted";
+  return outcome;
 }
 
 void read_exercise(const SavedJson& exercise, const std::string& where, SavedRun& run) {
@@ -176,28 +194,31 @@ void read_exercise(const SavedJson& exercise, const std::string& where, SavedRun
   run.exercise = text_in(exercise, "title", where);
   run.is_complete = is_set("is_complete");
   run.is_passed = is_set("is_passed");
-  const auto add = [&](const char* list, std::size_t most, const char* time, const auto& words,
-                       const char* otherwise) {
+  const auto add = [&](const char* list, std::size_t most, const auto& outcome_of) {
     std::set<std::string> names;
     for (const SavedJson& one : list_in(exercise, list, most, where)) {
       if (!one.is_object()) throw InputError("{}: \"{}\" has {}", where, list, excerpt(one.dump()));
-      const bool has_time = find(one, time) != nullptr;
-      if (!has_time && !*otherwise) continue;
-      const std::string name = text_in(one, "name", where);
-      if (names.insert(name).second && names.size() > kMostTargets)
+      SavedRun::Outcome outcome = outcome_of(one);
+      if (names.insert(outcome.name).second && names.size() > kMostTargets)
         throw InputError("{}: \"{}\" has more than {} names", where, list, kMostTargets);
-      run.outcomes.emplace_back(words(one, name), has_time ? seconds(one, time, where) : otherwise);
+      run.outcomes.push_back(std::move(outcome));
     }
   };
-  const auto as_it_is = [](const SavedJson&, const std::string& name) { return name; };
-  const auto forbidden = [](const SavedJson&, const std::string& name) { return "forbidden: " + name; };
-  const auto limit = [&](const SavedJson& one, const std::string& name) {
-    return "limit passed: " +
-           (find(one, "limit") ? limit_words(name, number_in(one.at("limit"), where)) : name);
+  const auto at_time = [&](const SavedJson& one, const char* kind, const char* time) {
+    SavedRun::Outcome outcome{kind + text_in(one, "name", where), "not reached", {}};
+    if (const SavedJson* value = find(one, time)) {
+      outcome.time_s = number_in(*value, where);
+      outcome.words = fmt::format("{:.1f} s", *outcome.time_s);
+    }
+    return outcome;
   };
-  add("targets", kMostTargets, "reached_s", as_it_is, "not reached");
-  add("forbidden_entries", kMostValues, "time_s", forbidden, "");
-  add("limits", kMostTargets, "passed_s", limit, "");
+  add("targets", kMostTargets, [&](const SavedJson& one) { return at_time(one, "target: ", "reached_s"); });
+  if (run.is_complete)
+    for (const SavedRun::Outcome& target : run.outcomes)
+      run.complete_s = std::max(run.complete_s, target.time_s);
+  add("forbidden_entries", kMostValues,
+      [&](const SavedJson& one) { return at_time(one, "forbidden: ", "time_s"); });
+  add("limits", kMostTargets, [&](const SavedJson& one) { return limit_outcome(one, where); });
 }
 
 void read_series(const SavedJson& series, const std::string& where, SavedRun& run) {
@@ -233,6 +254,12 @@ std::vector<std::string> notes_in(const SavedJson& json, const std::string& orig
   return lines;
 }
 
+void set_name(SavedRun& run, const std::string& name, SavedJson json) {
+  run.name = name;
+  json["name"] = name;
+  run.json = json.dump(-1, ' ', false, SavedJson::error_handler_t::replace);
+}
+
 SavedRun saved_run(SavedJson json, const std::string& name, const std::string& origin) {
   if (!has_version(json) || !find(json, "instruments"))
     throw InputError("{}: is no report of a run; save one by --report of `xraycast simulate`, or in a page",
@@ -256,8 +283,7 @@ SavedRun saved_run(SavedJson json, const std::string& name, const std::string& o
     read_exercise(*exercise, origin + ": \"exercise\"", run);
   run.notes = notes_in(json, origin);
   if (const SavedJson* series = find(json, "series")) read_series(*series, origin + ": \"series\"", run);
-  json["name"] = run.name;
-  run.json = json.dump(-1, ' ', false, SavedJson::error_handler_t::replace);
+  set_name(run, run.name, std::move(json));
   return run;
 }
 
@@ -309,28 +335,41 @@ std::string row(std::string_view words, const std::vector<SavedRun>& runs, const
 
 std::string outcome_of(const SavedRun& run) {
   if (run.exercise.empty()) return "";
-  return run.is_passed ? "passed" : run.is_complete ? "complete, but not passed" : "not complete";
+  if (!run.is_complete) return "not complete";
+  return (run.is_passed ? "passed" : "complete, but not passed") +
+         (run.complete_s ? fmt::format(", after {:.1f} s", *run.complete_s) : std::string());
 }
 
-/// What became of each target, forbidden vessel and limit, in the order in which they first come.
-std::string outcomes_of(const std::vector<SavedRun>& runs) {
+/// The outcomes of all runs by their names, in the order in which these first come.
+std::vector<std::string> outcome_names(const std::vector<SavedRun>& runs) {
   std::vector<std::string> names;
-  std::map<std::string, std::map<const SavedRun*, std::string>> outcomes;
+  std::set<std::string> known;
   for (const SavedRun& run : runs)
-    for (const auto& [name, what] : run.outcomes) {
-      if (!outcomes.contains(name)) names.push_back(name);
-      std::string& all = outcomes[name][&run];
-      all += (all.empty() ? "" : ", ") + what;
-    }
+    for (const SavedRun::Outcome& outcome : run.outcomes)
+      if (known.insert(outcome.name).second) names.push_back(outcome.name);
+  return names;
+}
+
+/// What became of each target, forbidden vessel and limit.
+std::string outcomes_of(const std::vector<SavedRun>& runs) {
   std::string html;
-  for (const std::string& name : names)
-    html += row(name, runs, [&](const SavedRun& run) { return outcomes[name][&run]; });
+  for (const std::string& name : outcome_names(runs))
+    html += row(name, runs, [&](const SavedRun& run) {
+      std::string all;
+      for (const SavedRun::Outcome& outcome : run.outcomes)
+        if (outcome.name == name) all += (all.empty() ? "" : ", ") + outcome.words;
+      return all;
+    });
   return html;
 }
 
-std::string table_of(const std::vector<SavedRun>& runs) {
+/// `first`: the runs that have a number, as in the curves over them, begin here.
+std::string table_of(const std::vector<SavedRun>& runs, std::size_t first) {
   std::string html = "<div class=\"figures\"><table>\n<tr><th></th>";
-  for (const SavedRun& run : runs) html += cell("th", run.name);
+  for (std::size_t i = 0; i < runs.size(); ++i)
+    html += cell("th", i < first || runs.size() == first + 1
+                           ? runs[i].name
+                           : fmt::format("{}. {}", i - first + 1, runs[i].name));
   html += "</tr>\n";
   html += row("exercise", runs, [](const SavedRun& run) { return run.exercise; });
   html += row("result", runs, outcome_of);
@@ -411,6 +450,7 @@ std::string learning_curves(const std::vector<SavedRun>& runs, const std::option
     const auto at = figures.find(name);
     return at == figures.end() ? std::nullopt : std::optional(at->second);
   };
+  add({"", "time to the last target", "s", 1}, [](const SavedRun& run) { return run.complete_s; });
   for (const Figure& figure : kOfRun)
     if (figure.name == std::string_view("time_s") || figure.name == std::string_view("fluoroscopy_s"))
       add(figure, [&](const SavedRun& run) { return in(run.figures, figure.name); });
@@ -452,8 +492,8 @@ std::string page_of(const std::vector<SavedRun>& runs, const std::optional<Saved
   std::vector<SavedRun> all = runs;
   if (reference) all.insert(all.begin(), *reference);
   return html_page(title, kRunsHead, kRunsStyle,
-                   "<main>\n" + table_of(all) + "<div class=\"plots\">\n" + learning_curves(runs, reference) +
-                       plots_over_time(all) +
+                   "<main>\n" + table_of(all, reference ? 1 : 0) + "<div class=\"plots\">\n" +
+                       learning_curves(runs, reference) + plots_over_time(all) +
                        "</div>\n</main>\n<footer><p>Not for clinical use.</p></footer>\n");
 }
 
@@ -466,6 +506,8 @@ std::string quoted(const std::string& text) {
 std::string csv_of(const std::vector<SavedRun>& runs) {
   const std::size_t instruments = most_instruments(runs);
   std::string csv = "run,exercise,is_complete,is_passed";
+  const std::vector<std::string> outcomes = outcome_names(runs);
+  for (const std::string& name : outcomes) csv += "," + quoted(name + " (s)");
   for (const Figure& figure : kOfRun) csv += fmt::format(",{}", figure.name);
   for (std::size_t d = 0; d < instruments; ++d) {
     csv += fmt::format(",instrument_{}", d + 1);
@@ -484,6 +526,10 @@ std::string csv_of(const std::vector<SavedRun>& runs) {
   for (const SavedRun& run : runs) {
     csv += fmt::format("{},{},", quoted(run.name), quoted(run.exercise));
     csv += run.exercise.empty() ? "," : fmt::format("{:d},{:d}", run.is_complete, run.is_passed);
+    for (const std::string& name : outcomes) {
+      const auto at = std::ranges::find(run.outcomes, name, &SavedRun::Outcome::name);
+      csv += at == run.outcomes.end() || !at->time_s ? "," : fmt::format(",{}", *at->time_s);
+    }
     for (const Figure& figure : kOfRun) add(run.figures, figure);
     for (std::size_t d = 0; d < instruments; ++d) {
       const bool has = d < run.of_instruments.size();
@@ -529,6 +575,10 @@ SavedRuns read_runs(const std::filesystem::path& path) {
   if (const SavedJson* reference = find(json, "reference"))
     all.reference = saved_run(*reference, "reference", origin + ": \"reference\"");
   return all;
+}
+
+void rename(SavedRun& run, const std::string& name) {
+  set_name(run, name, SavedJson::parse(run.json, nullptr, false));
 }
 
 void check_report_name(const std::filesystem::path& path, const std::string& name) {

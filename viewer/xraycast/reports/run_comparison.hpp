@@ -22,8 +22,15 @@ struct SavedRun {
   std::vector<std::map<std::string, double>> of_treatments{};
   std::string exercise{};  ///< its title; empty: none
   bool is_complete = false, is_passed = false;
-  /// In words, each with what became of it, such as `7.8 s`.
-  std::vector<std::pair<std::string, std::string>> outcomes{};
+  /// What became of a target, a forbidden vessel or a limit of the exercise.
+  struct Outcome {
+    std::string name;                ///< such as `target: left renal artery`
+    std::string words;               ///< such as `7.8 s`
+    std::optional<double> time_s{};  ///< when it was reached, entered or passed
+    bool operator==(const Outcome&) const = default;
+  };
+  std::vector<Outcome> outcomes{};
+  std::optional<double> complete_s{};  ///< when the last target was reached
   std::vector<double> time_s{};
   std::vector<Curves> curves{};      ///< of each instrument, as many values as times
   std::vector<std::string> notes{};  ///< what to know of it, in words
@@ -42,6 +49,9 @@ struct SavedRuns {
 
 /// A file of one run or of several, as write_runs writes it. Throws InputError.
 SavedRuns read_runs(const std::filesystem::path& path);
+
+/// Gives a run another name.
+void rename(SavedRun& run, const std::string& name);
 
 /// Throws InputError, with `name` in front, for a file that ends in neither .html, .csv nor .json.
 void check_report_name(const std::filesystem::path& path, const std::string& name);

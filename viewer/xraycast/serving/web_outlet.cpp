@@ -75,7 +75,6 @@ void WebOutlet::tell_exercise(const Intervention& intervention) {
   if (!report.is_object()) return;  // before the first step
   nlohmann::ordered_json exercise = report.at("exercise");
   exercise["task"] = intervention.exercise()->task;
-  for (auto& limit : exercise["limits"]) limit.erase("largest");  // which changes all the time
   const std::string text = exercise.dump();
   if (text == told_) return;
   told_ = text;

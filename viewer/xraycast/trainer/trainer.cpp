@@ -118,6 +118,9 @@ void Trainer::step(std::span<const HubPose> poses) {
 }
 
 void Trainer::count_step() {
+  constexpr double kFlow_s =
+      0.02;  // by which blood and its pressure are told apart, however late messages are
+  if (instruments_.time_s() - told_s_ >= kFlow_s) let_flow();
   monitor_.add(instruments_, {.fluoroscopy_s = message_.fluoroscopy_s,
                               .exposures = pulses_,
                               .air_kerma_mGy = air_kerma_mGy_,

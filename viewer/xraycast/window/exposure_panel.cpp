@@ -42,10 +42,7 @@ void settings(FluoroscopyConsole& console) {
   ImGui::NewLine();
   auto compression = static_cast<float>(options.range_compression());
   ImGui::SliderFloat("compression", &compression, 0, 1, "%.1f");
-  if (ImGui::IsItemDeactivatedAfterEdit()) {
-    options.compression = compression;
-    is_other = true;
-  }
+  if (ImGui::IsItemDeactivatedAfterEdit()) console.compress(compression);
   if (is_other) console.set(options);
   if (ImGui::Button(fmt::format("dose: {}###dose", to_string(options.dose)).c_str())) console.next_dose();
 }
