@@ -39,8 +39,11 @@ def test_a_spectrum_has_its_own_attenuation(box, plate):
     added = {kvp: (box.project(opacity=f"spectrum:{kvp}", objects=[plate], **size).tau
                    - box.project(opacity=f"spectrum:{kvp}", **size).tau)[20, 20] for kvp in (80, 120)}
     assert 0.5 < added[120] / added[80] < 0.95  # titanium is more transparent to harder beams
-    with pytest.raises(xc.InputError, match="objects takes no spectrum"):
-        box.project(opacity="spectrum:80", objects=[plate], fluoroscope=xc.Fluoroscope(c_arm="mobile-flat-panel"), **size)
+    # A fluoroscope's pictures have it too, at its tube's voltage.
+    c_arm = xc.Fluoroscope(c_arm="mobile-flat-panel")
+    shown = [box.project(opacity="spectrum:80", objects=objects, fluoroscope=c_arm, size=(80, 80)).shown.astype(float)
+             for objects in ([], [plate])]
+    assert shown[1][35:45, 35:45].mean() < shown[0][35:45, 35:45].mean() - 20
 
 
 def test_a_fluoroscope_shows_it(box, plate):

@@ -76,7 +76,8 @@ Property measured(DoseLevel dose, double water_cm) {
   fluoroscope.settle(slab);
   const double kerma_rate = fluoroscope.kerma_rate_mGy_min();
   const MaterialDepths with_vessel = slab_with_vessel(water_cm);
-  const FluoroscopyFrame& frame = fluoroscope.expose(&with_vessel);
+  const RayMasses rays{with_vessel};
+  const FluoroscopyFrame& frame = fluoroscope.expose(&rays);
   const MeanAndSpread beside = statistics_of(frame.signal_kev, 20, 100);
   const MeanAndSpread vessel = statistics_of(frame.signal_kev, kSide / 2 - 1, kSide / 2 + 1);
   return {kerma_rate, beside.spread / beside.mean, 1 - vessel.mean / beside.mean, frame.technique};

@@ -3,6 +3,8 @@
 #include "support/temporary_folder.hpp"
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/fluoroscope/beam.hpp"
+#include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/scene/absorbing_surfaces.hpp"
 
 #include <glm/geometric.hpp>
@@ -10,6 +12,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
@@ -221,6 +224,46 @@ TEST(Implant, MaterialsAbsorbAsXraylibSays) {
         EXPECT_GT(mu, 0.5 * (expected + std::log(behind_water / open)) / plate_mm * water_mu) << name;
       }
     }
+}
+
+TEST(Implant, AFluoroscopesQuantaPassItAsXraylibSays) {
+  // The share of the detected quanta behind 10 g/cm2 of water and 0.5 mm of a solid, summed here bin by bin.
+  constexpr int kSide = 64;
+  constexpr std::size_t kPixels = std::size_t{kSide} * kSide;
+  const View view{.cone = Cone{785, 1195}, .width = kSide, .height = kSide, .pixel_mm = 0.4};
+  FluoroscopyOptions options{.c_arm = CArm::named("fixed-single-plane"),
+                             .stages = FluoroscopyStages::from_list("none")};
+  options.kvp = 80;
+  options.mas = 1;
+  const FluoroscopyBeam beam(options.c_arm, 80);
+  MaterialDepths water;
+  for (auto& material : water) material.assign(kPixels, 0);
+  std::ranges::fill(water[0], 10.0f);
+  for (const char* name : {"titanium", "steel", "platinum"}) {
+    const SolidMaterial solid = solid_named(name);
+    RayMasses rays{water};
+    rays.solids.push_back(
+        {std::vector<float>(kPixels), [&](double energy_kev) { return solid.cm2_g(energy_kev); }});
+    const double g_cm2 = 0.05 * solid.g_cm3;
+    for (std::size_t i = 0; i < kPixels; ++i)
+      rays.solids[0].g_cm2[i] = i % kSide < kSide / 2 ? static_cast<float>(g_cm2) : 0;
+    double beside_kev = 0, behind_kev = 0;
+    for (const DetectedSpectrum::Bin& bin : beam.spectrum.bins()) {
+      const double kev = bin.energy_kev * bin.absorbed *
+                         std::exp(-10 * mass_attenuation_cm2_g("Water, Liquid", bin.energy_kev));
+      double cm2_g = 0;
+      for (const auto& [element, fraction] : solid.parts)
+        cm2_g += fraction * mass_attenuation_cm2_g(element, bin.energy_kev);
+      beside_kev += kev;
+      behind_kev += kev * std::exp(-cm2_g * g_cm2);
+    }
+    Fluoroscope fluoroscope(options, view, WaterPath(Opacity::paper()));
+    const FluoroscopyFrame& frame = fluoroscope.expose(&rays);
+    const std::size_t middle = std::size_t{kSide} * kSide / 2;
+    EXPECT_NEAR(frame.signal_kev[middle + 10] / frame.signal_kev[middle + kSide - 10],
+                behind_kev / beside_kev, 0.005 * behind_kev / beside_kev)
+        << name;
+  }
 }
 
 std::string refusal_of(const std::function<void()>& work) {

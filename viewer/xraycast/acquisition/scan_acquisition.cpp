@@ -39,9 +39,6 @@ ScanAcquisition::ScanAcquisition(Scene scene, const AcquisitionOptions& options,
   if (spectrum && !scene_.surfaces.empty())
     throw InputError("`opacity` {}: vessels and instruments take no spectrum; give an opacity",
                      spectrum->name());
-  if (spectrum && !scene_.implants.empty() && options.fluoroscope)
-    throw InputError("`opacity` {}: a fluoroscope's picture of objects takes no spectrum; give an opacity",
-                     spectrum->name());
   if (spectrum) {
     constexpr double kCm_per_mm = 0.1;
     std::vector<SolidMaterial> solids;
@@ -65,6 +62,16 @@ std::vector<std::vector<float>> ScanAcquisition::implants_g_cm2(const View& view
   return all;
 }
 
+const RayMasses& ScanAcquisition::masses_with(std::vector<std::vector<float>> implants_g_cm2) {
+  ray_masses_.solids.clear();
+  for (std::size_t i = 0; i < implants_g_cm2.size(); ++i) {
+    const SolidMaterial& solid = scene_.implants[i].material;
+    ray_masses_.solids.push_back(
+        {std::move(implants_g_cm2[i]), [&solid](double energy_kev) { return solid.cm2_g(energy_kev); }});
+  }
+  return ray_masses_;
+}
+
 AcquiredFrame ScanAcquisition::frame(const View& view, Progress& progress) {
   AcquiredFrame frame = acquisition_.expose(rays(view, progress), view);
   frame.tau = drr_.tau;
@@ -75,8 +82,9 @@ AcquiredFrame ScanAcquisition::frame(const View& view, Progress& progress) {
 RayDepths ScanAcquisition::rays(const View& view, Progress& progress) {
   if (spectrum_) {
     masses_ = project_masses(scene_.scan, view, progress);
-    drr_ = {view, spectrum_->tau(masses_.g_cm2, implants_g_cm2(view)), masses_.kernel_ms};
-    if (acquisition_.fluoroscope()) return &masses_.g_cm2;
+    std::vector<std::vector<float>> implants = implants_g_cm2(view);
+    drr_ = {view, spectrum_->tau(masses_.g_cm2, implants), masses_.kernel_ms};
+    if (acquisition_.fluoroscope()) return &masses_with(std::move(implants));
   } else {
     drr_ = project(scene_.scan.native, view, std::get<Opacity>(scene_.attenuation), progress, {},
                    scene_.sampling);

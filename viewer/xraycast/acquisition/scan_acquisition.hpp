@@ -35,8 +35,10 @@ class ScanAcquisition {
   };
 
   /// The scan must outlive it. Throws as Acquisition, and InputError for vessels and instruments in a
-  /// spectrum's picture, and for implants in a fluoroscope's picture of a spectrum.
+  /// spectrum's picture.
   ScanAcquisition(Scene scene, const AcquisitionOptions& options, const View& first);
+  ScanAcquisition(const ScanAcquisition&) = delete;
+  ScanAcquisition& operator=(const ScanAcquisition&) = delete;
 
   /// The next frame. Throws DeviceError when the device fails.
   AcquiredFrame frame(const View& view, Progress& progress);
@@ -47,6 +49,7 @@ class ScanAcquisition {
  private:
   RayDepths rays(const View& view, Progress& progress);
   std::vector<std::vector<float>> implants_g_cm2(const View& view) const;
+  const RayMasses& masses_with(std::vector<std::vector<float>> implants_g_cm2);
 
   Scene scene_;
   Acquisition acquisition_;
@@ -55,6 +58,7 @@ class ScanAcquisition {
   std::vector<AbsorbingSurfaces> implants_;  ///< with a spectrum, each; they attenuate by their g/cm2
   ProjectionImage drr_;
   ProjectedMasses masses_;
+  RayMasses ray_masses_{masses_.g_cm2};  ///< with the implants'
 };
 
 }  // namespace xraycast

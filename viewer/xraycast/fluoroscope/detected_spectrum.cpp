@@ -27,10 +27,12 @@ DetectedSpectrum::DetectedSpectrum(const Spectrum& beam, const FluoroscopyDetect
   }
 }
 
-EnergyMoments DetectedSpectrum::behind(const std::array<double, kMaterials.size()>& g_cm2) const {
+EnergyMoments DetectedSpectrum::behind(const std::array<double, kMaterials.size()>& g_cm2,
+                                       std::span<const double> solids) const {
   EnergyMoments sum;
-  for (const Bin& bin : bins_) {
-    double depth = 0;
+  for (std::size_t b = 0; b < bins_.size(); ++b) {
+    const Bin& bin = bins_[b];
+    double depth = solids.empty() ? 0 : solids[b];
     for (std::size_t m = 0; m < g_cm2.size(); ++m) depth += bin.cm2_g[m] * g_cm2[m];
     const double quanta = bin.absorbed * std::exp(-depth);
     sum.m0 += quanta;

@@ -36,8 +36,10 @@ class DetectedSpectrum {
 
   std::span<const Bin> bins() const { return bins_; }
 
-  /// Of the beam behind masses of kMaterials in g/cm2; the sums are in the beam's own unit of fluence.
-  EnergyMoments behind(const std::array<double, kMaterials.size()>& g_cm2) const;
+  /// Of the beam behind masses of kMaterials in g/cm2, and behind solids with an optical depth of their own
+  /// in each bin, if any; the sums are in the beam's own unit of fluence.
+  EnergyMoments behind(const std::array<double, kMaterials.size()>& g_cm2,
+                       std::span<const double> solids = {}) const;
   EnergyMoments behind_water(double g_cm2) const { return behind({g_cm2}); }
 
  private:

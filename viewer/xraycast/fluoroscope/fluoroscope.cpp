@@ -151,6 +151,7 @@ void Fluoroscope::State::pass_patient(const RayDepths& rays) {
   DetectionChain& stages = *chain;
   const DetectorView& seen = stages.seen;
   const BeamAndTable beam = generator.beam_and_table();
+  stages.absorption.begin(beam, rays);
   for_bands(seen.size, [&](int first, int end) {
     for (int j = first; j < end; ++j) {
       stages.absorption.absorb_row(j, beam, rays);

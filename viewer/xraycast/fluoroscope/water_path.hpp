@@ -2,15 +2,27 @@
 
 #include "xraycast/attenuation/spectrum.hpp"
 
+#include <functional>
 #include <span>
 #include <variant>
 #include <vector>
 
 namespace xraycast {
 
-/// What the rays of a picture have met, H x W, row 0 on top: optical depths, or masses of kMaterials, with
-/// the energies that these let through.
-using RayDepths = std::variant<std::span<const float>, const MaterialDepths*>;
+/// Masses that the rays of a picture have met, H x W, row 0 on top.
+struct RayMasses {
+  /// Of a solid, such as an implant, with its mass attenuation coefficient.
+  struct Solid {
+    std::vector<float> g_cm2;
+    std::function<double(double energy_kev)> cm2_g;
+  };
+  const MaterialDepths& g_cm2;  ///< of kMaterials
+  std::vector<Solid> solids{};
+};
+
+/// What the rays of a picture have met, H x W, row 0 on top: optical depths, or masses, with the energies
+/// that these let through.
+using RayDepths = std::variant<std::span<const float>, const RayMasses*>;
 
 /// The water that attenuates as much as an optical depth of a picture: optical depths have no energies, and a
 /// fluoroscope's beam is not the one that they were computed for. Piecewise linear.
