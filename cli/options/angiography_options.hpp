@@ -1,8 +1,8 @@
 #pragma once
 
 #include "xraycast/acquisition/mask_phase.hpp"
+#include "xraycast/contrast_agent/injection.hpp"
 #include "xraycast/fluoroscope/subtraction.hpp"
-#include "xraycast/simulation/injection.hpp"
 
 #include <CLI/CLI.hpp>
 

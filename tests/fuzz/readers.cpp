@@ -12,6 +12,7 @@
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/casting/key_maps.hpp"
 #include "xraycast/centrelines/tree_of_lines.hpp"
+#include "xraycast/contrast_agent/injection.hpp"
 #include "xraycast/fluoroscope/c_arm.hpp"
 #include "xraycast/geometry/curved_axis.hpp"
 #include "xraycast/geometry/mesh.hpp"
@@ -20,7 +21,6 @@
 #include "xraycast/motion/motion.hpp"
 #include "xraycast/network/igtlink_receiver.hpp"
 #include "xraycast/scene/session_file.hpp"
-#include "xraycast/simulation/injection.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <algorithm>

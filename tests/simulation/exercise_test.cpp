@@ -205,6 +205,29 @@ TEST(Exercise, TakesAPresetBeforeAFileOfItsName) {
   EXPECT_EQ(read_exercise(folder / "e.json", fork()).instruments[0], "microcatheter-27f");
 }
 
+TEST(Exercise, HasAWayToItsTargets) {
+  const TemporaryFolder folder;
+  const auto read = [&](const char* entry, const char* target, const char* forbidden) {
+    Json json = usual();
+    json["entry"] = entry;
+    json["targets"][0] = {{"vessel", target}};
+    json["forbidden"] = {forbidden};
+    write_whole_file(folder / "e.json", json.dump());
+    return read_exercise(folder / "e.json", fork());
+  };
+  EXPECT_NO_THROW(read("right arm", "left arm", "stem"));  // past its end
+  EXPECT_NO_THROW(read("stem", "left arm", "right arm"));
+  try {
+    read("stem", "left arm", "stem");
+    FAIL() << "accepted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(
+        error.what(),
+        HasSubstr("\"forbidden\": the way from the entry to left arm leads through stem; leave it out"));
+  }
+  EXPECT_THROW(read("right arm", "left arm", "right arm"), InputError);
+}
+
 TEST(Exercise, AllowsItsOwnInstrumentsAlone) {
   const Exercise exercise = parsed(usual());
   EXPECT_NO_THROW(check_allowed(exercise, instruments_named({"microcatheter-27f"})));

@@ -1,7 +1,7 @@
 #include "xraycast/blood_flow/heartbeat.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/simulation/injection.hpp"
+#include "xraycast/contrast_agent/injection.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "xraycast/simulation/laminar_vessel.hpp"
+#include "xraycast/contrast_agent/laminar_vessel.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,7 @@
 #include "straight_vessels.hpp"
 #include "xraycast/blood_flow/flow_cycle.hpp"
 #include "xraycast/blood_flow/sac_inflow.hpp"
-#include "xraycast/simulation/contrast_bolus.hpp"
+#include "xraycast/contrast_agent/contrast_bolus.hpp"
 
 #include <gtest/gtest.h>
 

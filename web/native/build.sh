@@ -20,8 +20,8 @@ sources="
   simulation/xraycast/coaxial/treatment
   simulation/xraycast/blood_flow/flow_network simulation/xraycast/blood_flow/heart_waveform simulation/xraycast/blood_flow/heartbeat simulation/xraycast/blood_flow/rest_flow
   simulation/xraycast/blood_flow/embolisation simulation/xraycast/blood_flow/sac_inflow simulation/xraycast/blood_flow/tree_flow simulation/xraycast/blood_flow/vessel_impedance
-  simulation/xraycast/simulation/agent_outlet simulation/xraycast/simulation/coiling
-  simulation/xraycast/simulation/contrast_bolus simulation/xraycast/simulation/instrument_pressures simulation/xraycast/simulation/laminar_vessel
+  simulation/xraycast/contrast_agent/agent_outlet simulation/xraycast/simulation/coiling
+  simulation/xraycast/contrast_agent/contrast_bolus simulation/xraycast/simulation/instrument_pressures simulation/xraycast/contrast_agent/laminar_vessel
   simulation/xraycast/simulation/tip_pressures
   simulation/xraycast/simulation/exercise simulation/xraycast/simulation/exercise_progress
   simulation/xraycast/simulation/run_monitor simulation/xraycast/simulation/run_report

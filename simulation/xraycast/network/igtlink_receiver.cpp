@@ -1,7 +1,7 @@
 #include "xraycast/network/igtlink_receiver.hpp"
 
+#include "xraycast/contrast_agent/injection.hpp"
 #include "xraycast/network/igtlink_messages.hpp"
-#include "xraycast/simulation/injection.hpp"
 
 #include <fmt/format.h>
 #include <glm/glm.hpp>

@@ -2,7 +2,7 @@
 
 #include "xraycast/blood_flow/sac_inflow.hpp"
 #include "xraycast/coaxial/instruments.hpp"
-#include "xraycast/simulation/contrast_bolus.hpp"
+#include "xraycast/contrast_agent/contrast_bolus.hpp"
 
 #include <string>
 #include <vector>

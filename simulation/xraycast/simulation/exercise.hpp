@@ -73,7 +73,8 @@ std::string to_json(const Exercise& exercise);
 
 /// Reads a file. Names of instruments' files, and of the reference run, are relative to it. Throws InputError
 /// as parse_exercise, for an instrument that there is not, instruments that do not fit into each other, an
-/// entry that is none, and a reference that cannot be read.
+/// entry that is none, a target that is reached through forbidden vessels alone, and a reference that cannot
+/// be read.
 Exercise read_exercise(const std::filesystem::path& path, const VesselTree& tree);
 
 /// Throws InputError for an instrument, by its name, that the exercise does not allow.

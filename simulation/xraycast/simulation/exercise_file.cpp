@@ -36,6 +36,43 @@ std::vector<InstrumentModel> read_models(std::vector<std::string>& names, const 
   return models;
 }
 
+/// The branches from one to another, both included.
+std::vector<int> way_between(const VesselTree& tree, int from, int to) {
+  const auto up_from = [&](int branch) {
+    std::vector<int> way;
+    for (; branch >= 0; branch = tree.branches()[static_cast<std::size_t>(branch)].parent)
+      way.push_back(branch);
+    return way;
+  };
+  std::vector<int> way = up_from(from), other = up_from(to);
+  while (!way.empty() && !other.empty() && way.back() == other.back() && way.back() != from &&
+         way.back() != to) {
+    way.pop_back();  // a branch at whose end both ways meet is not passed
+    other.pop_back();
+  }
+  way.insert(way.end(), other.begin(), other.end());
+  return way;
+}
+
+/// Throws InputError where one cannot come to a target but through a forbidden vessel.
+void check_ways(const Exercise& exercise, int entry, const VesselTree& tree, const std::string& origin) {
+  for (std::size_t t = 0; t < exercise.targets.size(); ++t) {
+    const ExerciseTarget& target = exercise.targets[t];
+    const std::vector<int> ends =
+        target.branches.empty() ? std::vector{tree.nearest(target.at_mm).branch} : target.branches;
+    for (const ForbiddenVessel& vessel : exercise.forbidden) {
+      const auto is_forbidden = [&](int branch) { return std::ranges::count(vessel.branches, branch) > 0; };
+      const auto is_barred = [&](int end) {
+        return std::ranges::any_of(way_between(tree, entry, end),
+                                   [&](int b) { return b != end && is_forbidden(b); });
+      };
+      if (std::ranges::all_of(ends, is_barred))
+        throw InputError("{}: \"forbidden\": the way from the entry to {} leads through {}; leave it out",
+                         origin, target.name, vessel.name);
+    }
+  }
+}
+
 }  // namespace
 
 Exercise read_exercise(const std::filesystem::path& path, const VesselTree& tree) {
@@ -47,7 +84,9 @@ Exercise read_exercise(const std::filesystem::path& path, const VesselTree& tree
   } catch (const InputError& error) {
     throw InputError("{}: \"instruments\": {}", path.string(), error.what());
   }
-  check_fits(tree, find_entry(tree, exercise.entry, models.front()), models.front());
+  const VesselEnd entry = find_entry(tree, exercise.entry, models.front());
+  check_fits(tree, entry, models.front());
+  check_ways(exercise, entry.branch, tree, path.string());
   if (exercise.reference.empty()) return exercise;
   exercise.reference = beside(exercise.reference, path);
   try {

@@ -2,8 +2,8 @@
 
 #include "xraycast/blood_flow/tree_flow.hpp"
 #include "xraycast/coaxial/instruments.hpp"
-#include "xraycast/simulation/agent_outlet.hpp"
-#include "xraycast/simulation/injection.hpp"
+#include "xraycast/contrast_agent/agent_outlet.hpp"
+#include "xraycast/contrast_agent/injection.hpp"
 #include "xraycast/simulation/tip_pressures.hpp"
 
 #include <cstddef>

@@ -2,7 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"
-#include "xraycast/simulation/agent_outlet.hpp"
+#include "xraycast/contrast_agent/agent_outlet.hpp"
 
 #include <algorithm>
 #include <chrono>

@@ -1,11 +1,11 @@
 #include "xraycast/acquisition/run_cine.hpp"
 
+#include "xraycast/contrast_agent/agent_outlet.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/device_surface.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/same_scan.hpp"
-#include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/simulation/coiling.hpp"
 #include "xraycast/simulation/instrument_pressures.hpp"
 

@@ -3,13 +3,13 @@
 #include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/acquisition/map_acquisition.hpp"
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/contrast_agent/contrast_bolus.hpp"
+#include "xraycast/contrast_agent/injection.hpp"
 #include "xraycast/motion/body_request.hpp"
 #include "xraycast/motion/moving_points.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/device_tubes.hpp"
 #include "xraycast/scene/pulse_blur.hpp"
-#include "xraycast/simulation/contrast_bolus.hpp"
-#include "xraycast/simulation/injection.hpp"
 #include "xraycast/simulation/run_report.hpp"
 
 #include <cstdint>

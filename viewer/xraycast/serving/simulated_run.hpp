@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/catheter/hub.hpp"
+#include "xraycast/contrast_agent/contrast_bolus.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/haptics/haptic_device.hpp"
 #include "xraycast/haptics/hub_couplings.hpp"
@@ -10,7 +11,6 @@
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/serving/live_body.hpp"
 #include "xraycast/serving/live_monitor.hpp"
-#include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/instrument_pressures.hpp"
 #include "xraycast/simulation/run.hpp"
 #include "xraycast/simulation/simulation_loop.hpp"

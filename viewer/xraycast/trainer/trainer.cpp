@@ -1,9 +1,9 @@
 #include "xraycast/trainer/trainer.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/contrast_agent/agent_outlet.hpp"
 #include "xraycast/haptics/hand_rates.hpp"
 #include "xraycast/scene/instrument_curve.hpp"
-#include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/simulation/coiling.hpp"
 #include "xraycast/simulation/instrument_pressures.hpp"
 

@@ -1,10 +1,10 @@
 #pragma once
 
 #include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/contrast_agent/contrast_bolus.hpp"
 #include "xraycast/haptics/hub_couplings.hpp"
 #include "xraycast/haptics/manual_device.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
-#include "xraycast/simulation/contrast_bolus.hpp"
 #include "xraycast/simulation/run_monitor.hpp"
 #include "xraycast/simulation/tip_pressures.hpp"
 #include "xraycast/trainer/browser_message.hpp"

@@ -1,8 +1,8 @@
 #include "xraycast/window/intervention_panel.hpp"
 
 #include "xraycast/base/negative_zero.hpp"
+#include "xraycast/contrast_agent/agent_outlet.hpp"
 #include "xraycast/haptics/hand_rates.hpp"
-#include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/window/hub_input.hpp"
 #include "xraycast/window/operator_screen.hpp"
 #include "xraycast/window/viewer_input.hpp"

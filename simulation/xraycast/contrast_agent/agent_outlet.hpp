@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/coaxial/instruments.hpp"
-#include "xraycast/simulation/injection.hpp"
+#include "xraycast/contrast_agent/injection.hpp"
 
 #include <cstddef>
 #include <optional>

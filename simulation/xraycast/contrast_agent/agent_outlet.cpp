@@ -1,4 +1,4 @@
-#include "xraycast/simulation/agent_outlet.hpp"
+#include "xraycast/contrast_agent/agent_outlet.hpp"
 
 #include <fmt/format.h>
 

@@ -1,9 +1,9 @@
 #pragma once
 
 #include "xraycast/blood_flow/tree_flow.hpp"
+#include "xraycast/contrast_agent/laminar_vessel.hpp"
+#include "xraycast/contrast_agent/mixed_sac.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
-#include "xraycast/simulation/laminar_vessel.hpp"
-#include "xraycast/simulation/mixed_sac.hpp"
 
 #include <vector>
 

@@ -1,4 +1,4 @@
-#include "xraycast/simulation/contrast_bolus.hpp"
+#include "xraycast/contrast_agent/contrast_bolus.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "xraycast/simulation/injection.hpp"
+#include "xraycast/contrast_agent/injection.hpp"
 
 #include "xraycast/base/error.hpp"
 
