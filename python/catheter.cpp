@@ -56,10 +56,7 @@ class HeldInstruments {
   std::vector<State> step(const HubMoves& moves, int steps, const RunningCall& call) {
     const auto lock = locked();
     const Stepping stepping(stepping_);
-    for (std::size_t d = 0; d < moves.detach.size(); ++d)
-      if (const InstrumentModel& model = instruments_.rod(d).instrument();
-          moves.detach[d] > 0 && !model.has_coils())
-        throw InputError("detach: {} has no coils; give it 0, or take coil-10x30, say", model.name());
+    check(moves);
     std::vector<HubPose> starts, poses(count());
     for (std::size_t d = 0; d < count(); ++d) starts.push_back(instruments_.pose(d));
     auto looked = std::chrono::steady_clock::now();
@@ -152,6 +149,21 @@ class HeldInstruments {
   std::size_t count() const { return count_; }
 
  private:
+  /// Throws InputError for what an instrument has not.
+  void check(const HubMoves& moves) const {
+    for (std::size_t d = 0; d < count(); ++d) {
+      const InstrumentModel& model = instruments_.rod(d).instrument();
+      if (moves.inflate_bar[d] > 0 && !model.balloon())
+        throw InputError("inflate_bar: {} has no balloon; give it 0, or take balloon-6x20, say",
+                         model.name());
+      if (moves.release_mm[d] > 0 && !model.has_sheath())
+        throw InputError("release_mm: {} has no stent in a sheath; give it 0, or take stent-self-8x40, say",
+                         model.name());
+      if (!moves.detach.empty() && moves.detach[d] > 0 && !model.has_coils())
+        throw InputError("detach: {} has no coils; give it 0, or take coil-10x30, say", model.name());
+    }
+  }
+
   using Stepper = std::atomic<std::thread::id>;
 
   /// Says for its lifetime that this thread steps.

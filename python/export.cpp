@@ -80,6 +80,7 @@ void add_live(ExportRequest& request, const nb::object& vessels, const nb::objec
                instruments_named(names),
                fluoroscope.is_none() ? FluoroscopeRequest{} : fluoroscope_of(fluoroscope)->request);
   std::vector<Exercise> tasks;
+  if (nb::isinstance<nb::str>(exercises)) throw InputError("exercise: must be a list of files, not a text");
   if (!exercises.is_none())
     for (const nb::handle file : exercises)
       tasks.push_back(read_exercise(path_of(file), *request.trainer->tree));

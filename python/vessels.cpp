@@ -49,9 +49,17 @@ auto array_of_mask(const std::shared_ptr<const Mask>& mask) {
   return array_of_voxels(mask->geometry, mask->voxels.data(), mask);
 }
 
-/// A mask from an array in which vessels are other than zero.
+/// A mask from an array in which vessels are above zero, as in files.
 std::shared_ptr<const Mask> mask_of(const nb::object& given, const VolumeGeometry& grid) {
-  const nb::object array = numpy_array(given, nb::str("bool"), "from_mask: must be numbers");
+  constexpr const char* kNumbers = "from_mask: must be numbers, above 0 in vessels";
+  const nb::module_ numpy = nb::module_::import_("numpy");
+  const nb::object numbers = numpy.attr("asarray")(given);
+  const std::string kind = nb::cast<std::string>(numbers.attr("dtype").attr("kind"));
+  if (kind.find_first_of("biuf") == std::string::npos) throw InputError("{}", kNumbers);
+  if (kind == "f" && PyObject_IsTrue(numpy.attr("isnan")(numbers).attr("any")().ptr()) != 0)
+    throw InputError("{}; it has NaN", kNumbers);
+  const nb::object array =
+      numpy_array(numpy.attr("greater")(numbers, nb::int_(0)), nb::str("bool"), kNumbers);
   const auto inside = nb::cast<nb::ndarray<const bool, nb::c_contig, nb::device::cpu>>(array);
   const auto is_along = [&](std::size_t axis, std::int64_t voxels) {
     return inside.shape(axis) == static_cast<std::size_t>(voxels);

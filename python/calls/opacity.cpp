@@ -4,6 +4,7 @@
 #include "calls/values.hpp"
 #include "xraycast/base/error.hpp"
 
+#include <cmath>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/variant.h>
@@ -56,7 +57,13 @@ void add_opacity(nb::module_& module) {
           "The opacity `paper`, `bilinear` or `subtracted`, or that of a JSON file.")
       .def_prop_ro("name", [](const Opacity& o) { return text_object(o.name()); })
       .def_prop_ro("knots", knots_of, "[(HU, mu in 1/mm), ...]")
-      .def("__call__", &Opacity::mu_per_mm, nb::arg("hu"), "mu in 1/mm at a CT number.")
+      .def(
+          "__call__",
+          [](const Opacity& opacity, double hu) {
+            if (std::isnan(hu)) throw InputError("hu: is not a number");
+            return opacity.mu_per_mm(hu);
+          },
+          nb::arg("hu"), "mu in 1/mm at a CT number.")
       .def("__reduce__", [](nb::handle self) { return reduced("opacity", self); })
       .def("__repr__", [](const Opacity& o) {
         return text_object(fmt::format("<xraycast.Opacity {}: {} knots>", o.name(), o.knots().size()));

@@ -1,4 +1,5 @@
 """A Gymnasium environment: steer a catheter to a target in a vessel tree."""
+import copy
 import numbers
 
 import numpy as np
@@ -322,6 +323,8 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         self.steps = 0
         self._aim()
         ahead = self._look_ahead()
+        if not self.task and self.left_mm < self.REACHED_MM:
+            raise InputError(f"target {self.target}: is where the instruments enter; give another one, or another entry")
         if self.fluoroscope:
             self._take_road_map(ahead)
         observation = self._observe(ahead, is_first=True)
@@ -346,7 +349,12 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         return sum(target["reached_s"] is not None for target in report["exercise"]["targets"])
 
     def step(self, action):
-        action = np.clip(np.asarray(action, dtype=np.float64), -1, 1)
+        self._check_is_reset()
+        action = np.asarray(action, dtype=np.float64)
+        if action.shape != self.action_space.shape:
+            raise InputError(f"action: has shape {action.shape}; give {self.action_space.shape}, push and turn of each instrument"
+                             + (" and the breath" if self.holds_breath else ""))
+        action = np.clip(action, -1, 1)
         count = len(self.models)
         moves = action[:2 * count].reshape(count, 2) * self.scale
         if self.holds_breath:
@@ -374,6 +382,10 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         if self.render_mode == "human":
             self.render()
         return observation, float(reward), is_there, self.steps >= self.max_steps, self._info()
+
+    def _check_is_reset(self):
+        if not hasattr(self, "run"):
+            raise InputError("no episode has begun; call reset() first")
 
     def _look_ahead(self):
         """The way to the target from the tip that is to reach it, how far each of its points is, and the state of that instrument:
@@ -408,7 +420,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         return np.array(values, dtype=np.float32)
 
     def _info(self):
-        info = {"target": self.target, "left_mm": self.left_mm, "report": self.report}
+        info = {"target": self.target, "left_mm": self.left_mm, "report": copy.deepcopy(self.report)}
         if self.modes:
             info["phases"] = dict(zip(self.modes, self.states[0].phases))
         return info
@@ -417,6 +429,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         """(rows, columns, 3) uint8; None without a render_mode, and with "human", which shows it in a window."""
         if self.render_mode is None:
             return None
+        self._check_is_reset()
         if self.render_mode == "rgb_array":
             return self._picture()
         if self.window is None:

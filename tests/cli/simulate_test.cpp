@@ -113,10 +113,20 @@ TEST_F(SimulateCommand, LaysReportsSideBySide) {
   for (const std::string run : {"a", "b", "best"})
     output_of(line + "-o @/" + run + ".csv --report @/" + run + ".json");
   EXPECT_EQ(json_of("report @/a.json @/b.json --reference @/best.json -o @/all.html")["runs"], 2);
-  EXPECT_THAT(read_bytes(folder_ / "all.html"), HasSubstr("<th>best (reference)</th><th>a</th><th>b</th>"));
+  EXPECT_THAT(read_bytes(folder_ / "all.html"),
+              HasSubstr("<th>best (reference)</th><th>1. a</th><th>2. b</th>"));
   output_of("report @/a.json @/b.json -o @/all.json");
   EXPECT_EQ(json_of("report @/all.json @/best.json -o @/all.csv")["runs"], 3);
   EXPECT_EQ(std::ranges::count(read_bytes(folder_ / "all.csv"), '\n'), 4);
+  // Files of one name, as pages save them for each pupil.
+  for (const char* pupil : {"anna", "ben"}) {
+    std::filesystem::create_directory(folder_ / pupil);
+    std::filesystem::copy_file(folder_ / "a.json", folder_ / pupil / "report.json");
+  }
+  output_of("report @/anna/report.json @/ben/report.json @/ben/report.json @/b.json -o @/class.csv");
+  EXPECT_THAT(read_bytes(folder_ / "class.csv"),
+              testing::AllOf(HasSubstr("\n\"anna: report\","), HasSubstr("\n\"ben: report\","),
+                             HasSubstr("\n\"ben: report (2)\","), HasSubstr("\n\"b\",")));
   EXPECT_EQ(run("report @/push.csv -o @/all.csv").status, 3);
   EXPECT_THAT(run("report @/a.json -o @/all.pdf").err, HasSubstr("must end in .html"));
   EXPECT_THAT(run("report @/a.json --reference @/all.json -o @/all.csv").err,
@@ -135,7 +145,8 @@ TEST_F(SimulateCommand, KeepsTheReferenceOfReports) {
   output_of("report @/a.json --reference @/best.json -o @/first.json");
   output_of("report @/a.json --reference @/other.json -o @/second.json");
   output_of("report @/first.json @/a.json -o @/all.html");
-  EXPECT_THAT(read_bytes(folder_ / "all.html"), HasSubstr("<th>best (reference)</th><th>a</th><th>a</th>"));
+  EXPECT_THAT(read_bytes(folder_ / "all.html"),
+              HasSubstr("<th>best (reference)</th><th>1. a</th><th>2. a (2)</th>"));
   expect_one_line(run("report @/first.json @/second.json -o @/all.html").err,
                   "has another reference than the files before; give one by --reference");
   output_of("report @/first.json @/second.json --reference @/best.json -o @/all.html");

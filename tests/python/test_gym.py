@@ -420,3 +420,18 @@ def test_the_example_steers_to_most_of_some_targets(tmp_path):
                for target in ("left renal artery", "right renal artery", "right internal iliac artery", "left subclavian artery")]
     # Rounding may make another run of one where a tip just catches a branch, or just does not.
     assert sum(steps is not None for steps in reached) >= 3, reached
+
+
+def test_actions_and_targets_that_do_not_suit_are_told(fork):
+    env = ReachTarget(fork, "guidewire-035-j", target=1)
+    with pytest.raises(xc.InputError, match="call reset"):
+        env.step([0, 0])
+    env.reset(seed=0)
+    for action in ([1, 2, 3], [1], 1.0, [[1], [2]]):
+        with pytest.raises(xc.InputError, match=r"action: has shape .*give \(2,\)"):
+            env.step(action)
+    _, _, _, _, info = env.step([1, 0])
+    info["report"].clear()
+    assert env.step([1, 0])[-1]["report"]["time_s"] > 0  # its own
+    with pytest.raises(xc.InputError, match="where the instruments enter"):
+        ReachTarget(fork, "guidewire-035-j", target=1, entry=1).reset()

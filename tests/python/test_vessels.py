@@ -33,6 +33,15 @@ def test_vessels_are_segmented():
         scan.segment(seeds=[1, 2])
 
 
+def test_a_mask_is_what_lies_above_zero():
+    scan = xc.phantom("thorax", spacing_mm=4, noise_hu=0)
+    found = scan.segment(max_radius_mm=20).mask
+    for given in (found, np.where(found > 0, 1, -1), np.where(found > 0, 0.5, 0.0), found > 0):
+        assert np.array_equal(scan.segment(from_mask=given).mask, scan.segment(from_mask=found).mask), given.dtype
+    with pytest.raises(xc.InputError, match="from_mask: must be numbers, above 0 in vessels; it has NaN"):
+        scan.segment(from_mask=np.where(found > 0, 1.0, np.nan))
+
+
 def test_a_tree_shows_its_centrelines(tube, tmp_path):
     assert len(tube) == 1 and tube.root == 0 and tube[0].parent == -1
     assert tube[0].points.shape == (61, 4) and tube[0].length_mm == pytest.approx(300)
@@ -65,6 +74,13 @@ def test_one_call_is_many_steps(tube):
 def test_steps_that_are_none_are_rejected(tube, arguments, words):
     with pytest.raises(xc.InputError, match=words):
         xc.Catheter(tube, "cobra-5f").step(**arguments)
+
+
+def test_balloons_and_sheaths_that_there_are_not_are_told(tube):
+    for model, arguments, words in (("cobra-5f", dict(inflate_bar=1), "cobra-5f has no balloon"),
+                                    ("balloon-6x20", dict(release_mm=5), "balloon-6x20 has no stent in a sheath")):
+        with pytest.raises(xc.InputError, match=words):
+            xc.Catheter(tube, model).step(**arguments)
 
 
 def test_a_wire_is_moved_in_a_catheter_and_exchanged(tube):

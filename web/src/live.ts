@@ -374,7 +374,7 @@ export class LiveView {
     this.steering.steers = false;
     this.steering.let_go();
     element("live-role").textContent = "Not connected";
-    this.notes.state("Connection lost; trying again …");
+    this.notes.state("Connection lost; trying again … A server that is started anew prints another address.");
   }
 
   private tell_c_arm(): void {

@@ -4,6 +4,7 @@
 
 #include <glm/geometric.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -105,6 +106,15 @@ std::vector<float> distance_to_background_mm(const Mask& mask) {
 std::vector<float> distance_to_foreground_mm(Mask mask) {
   for (std::uint8_t& voxel : mask.voxels) voxel ^= 1;
   return distance_to_background_mm(mask);
+}
+
+std::vector<std::size_t> deepest_first(const Mask& mask, const std::vector<float>& distance_mm) {
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < mask.voxels.size(); ++i)
+    if (mask.voxels[i] != 0) order.push_back(i);
+  std::ranges::stable_sort(order,
+                           [&](std::size_t a, std::size_t b) { return distance_mm[a] > distance_mm[b]; });
+  return order;
 }
 
 }  // namespace xraycast

@@ -15,4 +15,7 @@ std::vector<float> distance_to_background_mm(const Mask& mask);
 /// The same to the nearest voxel centre of the mask; 0 in it.
 std::vector<float> distance_to_foreground_mm(Mask mask);
 
+/// The voxels of a mask in the order of their distances, the deepest first.
+std::vector<std::size_t> deepest_first(const Mask& mask, const std::vector<float>& distance_mm);
+
 }  // namespace xraycast

@@ -19,7 +19,7 @@ class Stretches {
  public:
   explicit Stretches(const Mask& mask)
       : mask_(mask), depth_mm_(distance_to_background_mm(mask)), stretch_of_(mask.voxels.size(), kNone) {
-    for (const std::size_t at : deepest_first()) flood(at);
+    for (const std::size_t at : deepest_first(mask, depth_mm_)) flood(at);
   }
 
   /// Of a voxel of the mask.
@@ -43,15 +43,6 @@ class Stretches {
 
  private:
   static constexpr std::int32_t kNone = -1;
-
-  std::vector<std::size_t> deepest_first() const {
-    std::vector<std::size_t> order;
-    for (std::size_t i = 0; i < mask_.voxels.size(); ++i)
-      if (mask_.voxels[i] != 0) order.push_back(i);
-    std::ranges::stable_sort(order,
-                             [&](std::size_t a, std::size_t b) { return depth_mm_[a] > depth_mm_[b]; });
-    return order;
-  }
 
   /// A voxel joins the stretch of its deepest neighbour; the first at which two stretches meet is the deepest
   /// of their neck.

@@ -72,16 +72,6 @@ Mask opening(const Mask& mask, double max_radius_mm) {
   return centres.count() > 0 ? dilated_by_ball(centres, max_radius_mm) : centres;
 }
 
-/// The voxels of a mask, the deepest first.
-std::vector<std::size_t> deepest_first(const Mask& mask, const std::vector<float>& distance_mm) {
-  std::vector<std::size_t> order;
-  for (std::size_t i = 0; i < mask.voxels.size(); ++i)
-    if (mask.voxels[i] != 0) order.push_back(i);
-  std::ranges::stable_sort(order,
-                           [&](std::size_t a, std::size_t b) { return distance_mm[a] > distance_mm[b]; });
-  return order;
-}
-
 /// The meaning of a basin's marker.
 enum class Label : std::uint8_t { unlabelled, vessel, chamber };
 

@@ -506,8 +506,6 @@ std::string quoted(const std::string& text) {
 std::string csv_of(const std::vector<SavedRun>& runs) {
   const std::size_t instruments = most_instruments(runs);
   std::string csv = "run,exercise,is_complete,is_passed";
-  const std::vector<std::string> outcomes = outcome_names(runs);
-  for (const std::string& name : outcomes) csv += "," + quoted(name + " (s)");
   for (const Figure& figure : kOfRun) csv += fmt::format(",{}", figure.name);
   for (std::size_t d = 0; d < instruments; ++d) {
     csv += fmt::format(",instrument_{}", d + 1);
@@ -518,6 +516,8 @@ std::string csv_of(const std::vector<SavedRun>& runs) {
     csv += fmt::format(",treatment_{}", t);
     for (const Figure& figure : kOfTreatment) csv += fmt::format(",treatment_{}_{}", t, figure.name);
   }
+  const std::vector<std::string> outcomes = outcome_names(runs);
+  for (const std::string& name : outcomes) csv += "," + quoted(name + " (s)");
   csv += '\n';
   const auto add = [&](const std::map<std::string, double>& figures, const Figure& figure) {
     const auto at = figures.find(figure.name);
@@ -526,10 +526,6 @@ std::string csv_of(const std::vector<SavedRun>& runs) {
   for (const SavedRun& run : runs) {
     csv += fmt::format("{},{},", quoted(run.name), quoted(run.exercise));
     csv += run.exercise.empty() ? "," : fmt::format("{:d},{:d}", run.is_complete, run.is_passed);
-    for (const std::string& name : outcomes) {
-      const auto at = std::ranges::find(run.outcomes, name, &SavedRun::Outcome::name);
-      csv += at == run.outcomes.end() || !at->time_s ? "," : fmt::format(",{}", *at->time_s);
-    }
     for (const Figure& figure : kOfRun) add(run.figures, figure);
     for (std::size_t d = 0; d < instruments; ++d) {
       const bool has = d < run.of_instruments.size();
@@ -542,6 +538,10 @@ std::string csv_of(const std::vector<SavedRun>& runs) {
       csv += fmt::format(",{}", has ? quoted(run.treatments[t]) : "");
       for (const Figure& figure : kOfTreatment)
         add(has ? run.of_treatments[t] : std::map<std::string, double>{}, figure);
+    }
+    for (const std::string& name : outcomes) {
+      const auto at = std::ranges::find(run.outcomes, name, &SavedRun::Outcome::name);
+      csv += at == run.outcomes.end() || !at->time_s ? "," : fmt::format(",{}", *at->time_s);
     }
     csv += '\n';
   }
