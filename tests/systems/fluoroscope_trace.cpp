@@ -34,19 +34,12 @@ bool read(std::ifstream& file, Values& values) {
 
 void set(xraycast::FluoroscopyConsole& console, const Numbers& n) {
   while (console.options().dose != static_cast<xraycast::DoseLevel>(n[12])) console.next_dose();
-  xraycast::FluoroscopyOptions options = console.options();
-  const double width_mm = options.collimation ? options.collimation->width_mm : 0,
-               height_mm = options.collimation ? options.collimation->height_mm : 0;
-  if (width_mm != n[13] || (n[13] > 0 && height_mm != n[14])) {
-    options.collimation.reset();
-    if (n[13] > 0) options.collimation = xraycast::Collimation{n[13], n[14]};
-    console.set(std::move(options));
-  }
-  if (console.options().range_compression() != n[16]) {
-    options = console.options();
-    options.compression = n[16];
-    console.set(std::move(options));
-  }
+  const std::optional<xraycast::Collimation> blades = console.options().collimation;
+  const double width_mm = blades ? blades->width_mm : 0, height_mm = blades ? blades->height_mm : 0;
+  if (n[13] == 0 && blades) console.collimate({});
+  if (n[13] > 0 && (width_mm != n[13] || height_mm != n[14]))
+    console.collimate(xraycast::Collimation{n[13], n[14]});
+  if (console.options().range_compression() != n[16]) console.compress(n[16]);
   console.subtract(n[15] != 0);
   console.shows_maximum_opacification = n[17] != 0;
   if (console.shows_road_map() != (n[18] != 0)) console.show_road_map(n[18] != 0);
