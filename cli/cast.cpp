@@ -4,7 +4,6 @@
 #include "options/motion_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/pluralize.hpp"
@@ -94,8 +93,7 @@ CastRequest request_of(const CastArguments& options) {
 }
 
 void check_outputs(const CastArguments& options) {
-  if (extension_of(options.output.map) != ".exr")
-    throw InputError("{}: the file name must end in .exr", options.output.map);
+  check_map_name(options.output.map);
   check_writable(options.output.map);
   if (!options.output.preview.empty()) check_picture_name(options.output.preview, options.output.preview);
   if (!options.basis.empty()) check_writable(options.basis);

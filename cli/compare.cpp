@@ -73,7 +73,7 @@ void write_frame(const ComparedFrame& frame, const CompareRequest& request, cons
   const std::filesystem::path map = request.maps[frame.map].name;
   write_picture(
       greys, width, height, 1,
-      folder / std::filesystem::path(fmt::format("{}-{:03g}.png", map.stem().string(), frame.angle_deg)));
+      folder / std::filesystem::path(fmt::format("{}-{:03}.png", map.stem().string(), frame.angle_deg)));
 }
 
 Json json_of(const FrameSimilarity& similarity) {

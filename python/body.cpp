@@ -12,7 +12,6 @@
 #include "vessels.hpp"
 #include "xraycast/acquisition/map_acquisition.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/key_maps.hpp"
@@ -255,8 +254,7 @@ void write_map(const HeldBody& body, const PathArgument& path, const std::option
   const MapPrecision stored = precision ? parse_map_precision(*precision) : body.map->precision;
   if (body.map->keys && stored != MapPrecision::byte)
     throw InputError("precision {}: a map that moves is stored in bytes; leave it out", *precision);
-  if (const std::string file = path_of(path); extension_of(file) != ".exr")
-    throw InputError("{}: the file name must end in .exr", file);
+  check_map_name(path_of(path));
   write_file(path, progress, [&](const std::string& file) {
     if (stored == body.map->precision) return write_body_map(*body.map, file);
     BodyMap map = *body.map;

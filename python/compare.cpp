@@ -41,6 +41,9 @@ CompareListener told_of(const nb::object& pictures, const CompareRequest& reques
   return [&](const ComparedFrame& frame) {
     auto picture = std::make_shared<GreyPlate>(comparison_picture(request, frame));
     const nb::gil_scoped_acquire held;
+    const NoJobsHere waits(
+        "`pictures`: cannot render or project while maps are compared; keep what you need, and do so after "
+        "compare()");
     pictures(
         frame.map, frame.angle_deg,
         array_over<std::uint8_t, 2>(

@@ -34,15 +34,19 @@ std::optional<SavedRun> reference_of(const std::string& file) {
   return std::move(runs[0]);
 }
 
-/// Runs of one name take that of the folder that their file is in, as files that a page saves in one of each
-/// pupil, and those that are still alike a number.
+/// Runs of one name in files of several folders take that of their folder, as files that a page saves in one
+/// of each pupil, and those that are still alike a number.
 void tell_apart(std::vector<SavedRun>& runs, const std::vector<std::filesystem::path>& files) {
-  const auto count = [&](const std::string& name) { return std::ranges::count(runs, name, &SavedRun::name); };
+  std::vector<std::filesystem::path> folders;
+  for (const std::filesystem::path& file : files)
+    folders.push_back(std::filesystem::absolute(file).lexically_normal().parent_path());
   std::vector<std::string> names;
   for (std::size_t i = 0; i < runs.size(); ++i) {
-    const std::string folder =
-        printable_line(std::filesystem::absolute(files[i]).parent_path().filename().string());
-    names.push_back(count(runs[i].name) > 1 && !folder.empty() ? folder + ": " + runs[i].name : runs[i].name);
+    bool is_elsewhere_too = false;
+    for (std::size_t k = 0; k < runs.size(); ++k)
+      is_elsewhere_too = is_elsewhere_too || (runs[k].name == runs[i].name && folders[k] != folders[i]);
+    const std::string folder = printable_line(folders[i].filename().string());
+    names.push_back(is_elsewhere_too && !folder.empty() ? folder + ": " + runs[i].name : runs[i].name);
   }
   for (std::size_t i = 0; i < runs.size(); ++i) {
     const auto before = std::count(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(i), names[i]);

@@ -125,7 +125,12 @@ bool is_running_here() {
   return std::ranges::any_of(running, [](const auto& call) { return call.second == getpid(); });
 }
 
+thread_local const char* why_no_jobs = nullptr;
+
 }  // namespace
+
+NoJobsHere::NoJobsHere(const char* why) { why_no_jobs = why; }
+NoJobsHere::~NoJobsHere() { why_no_jobs = nullptr; }
 
 RunningCall::RunningCall(Progress& progress) : progress_(progress) {
   if (is_exiting) throw Error("the interpreter is exiting; make calls before");
@@ -155,6 +160,7 @@ void check_signals() {
 }
 
 void run_job(const nb::object& listener, const std::function<void(Progress&)>& work) {
+  if (why_no_jobs) throw InputError("{}", why_no_jobs);
   Mailbox mailbox;
   Progress progress([&](const Progress::State& state) { mailbox.put(state); });
   const RunningCall call(progress);

@@ -25,6 +25,16 @@ auto result_of(const nb::object& listener, const Work& work) {
   return std::move(*result);
 }
 
+/// While this lives, the thread that made it starts no jobs: run_job() throws InputError with these words.
+/// For Python functions that are called from within a job, which would wait for each other.
+class NoJobsHere {
+ public:
+  explicit NoJobsHere(const char* why);
+  ~NoJobsHere();
+  NoJobsHere(const NoJobsHere&) = delete;
+  NoJobsHere& operator=(const NoJobsHere&) = delete;
+};
+
 /// A call that releases the interpreter's lock, or runs Python code that may, as an import does; for its
 /// lifetime. It is made and destroyed with that lock.
 class RunningCall {

@@ -213,6 +213,13 @@ TEST(VectorImage, RefusesOtherImagesInOneLine) {
                    "raw", "") +
            whole,
        "stored between the rows; store them first or last"},
+      {"jacobian.nrrd",
+       fmt::format(kNrrd,
+                   "sizes: 3 3 4 3 2\nkinds: vector vector domain domain domain\n"
+                   "space directions: none none (5,0,0) (0,6,0) (0,0,7)\n",
+                   "raw", "") +
+           whole + whole + whole,
+       "two axes hold numbers of the same voxel, of 3 and 3"},
       {"four.nii", four_dimensions.bytes(),
        "4 dimensions of voxels; a field of vectors has three, and in a NIfTI"},
       {"text.txt", "no image", "no image file; give an NRRD, MetaImage or NIfTI file of vectors"}};

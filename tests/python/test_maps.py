@@ -183,6 +183,11 @@ def test_comparisons_have_pictures_and_a_plot(body):
         raise KeyError("stop")
     with pytest.raises(KeyError):
         xc.compare(body, body.cast(), views=1, pictures=fail)
+    # They would wait for each other.
+    for work in (body.project, body.cast().render):
+        with pytest.raises(xc.InputError, match="cannot render or project while maps are compared"):
+            xc.compare(body, body.cast(), views=1, pictures=lambda *_: work())
+        assert work().tau.max() > 0
 
 
 def test_a_preview_shows_the_layers(body):

@@ -83,3 +83,6 @@ def test_similarities_have_their_derivatives():
         assert (slope * fixed).sum() == pytest.approx(along, rel=0.01)
         assert similarity(fixed, 3 * fixed + 2)[0] == pytest.approx(1, abs=1e-5)
     assert xc.similarity.mutual_information(fixed, fixed)[0] > 2 * xc.similarity.mutual_information(fixed, moving)[0]
+    for similarity in (xc.similarity.ncc, xc.similarity.gradient_ncc, xc.similarity.mutual_information):
+        with pytest.raises(xc.InputError, match="greys must fit in 32-bit floats"):
+            similarity(fixed, 1e39 * moving)

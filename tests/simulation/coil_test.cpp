@@ -164,7 +164,7 @@ TEST(CoilPack, TellsItsDensityAndPushesBackMoreTheFullerItIs) {
     pack.detach(0);
     EXPECT_EQ(pack.push_N(), 0);
   }
-  EXPECT_NEAR(pack.wire_mm(), 0.36, 1e-12);
+  EXPECT_NEAR(pack.sum().wire_mm(), 0.36, 1e-12);
 }
 
 // ---- instruments

@@ -318,6 +318,8 @@ TEST_F(WatchedSession, ASilentClientLetsGoOfPedalAndInjector) {
   const auto begin = Clock::now();
   ASSERT_TRUE(comes([&] {
     EXPECT_TRUE(alive.send(MessageBytes{.type = "GET_STATUS"}.bytes()));  // any message does
+    // But not a damaged one.
+    EXPECT_TRUE(silent.send(MessageBytes{.body = std::string(48, '\0'), .checksum = 1}.bytes()));
     return !device_->commands().pedal;
   }));
   EXPECT_GT(Clock::now() - begin, 4s);

@@ -444,11 +444,18 @@ TEST(RestShare, IsKnownOfArteriesByTheirNames) {
   EXPECT_EQ(rest_share("left renal artery"), 0.095);
   EXPECT_EQ(rest_share("superior mesenteric artery"), 0.12);
   EXPECT_EQ(rest_share("right common carotid artery"), 0.072);
-  EXPECT_EQ(rest_share("aorta"), 0);
-  EXPECT_EQ(rest_share(""), 0);
+  EXPECT_EQ(rest_share("common hepatic artery"), 0.07);
+  EXPECT_EQ(rest_share("left main"), 0.027);
+  for (const char* other : {"aorta", "", "left middle suprarenal artery", "right adrenal artery",
+                            "right hepatic artery", "left main portal vein"})
+    EXPECT_EQ(rest_share(other), 0) << other;
   EXPECT_EQ(coronary_of("right coronary artery"), Coronary::right);
   EXPECT_EQ(coronary_of("left anterior descending artery"), Coronary::left);
-  EXPECT_EQ(coronary_of("left renal artery"), Coronary::none);
+  for (const char* left : {"left circumflex artery", "circumflex", "left main", "LAD", "circumflex branch"})
+    EXPECT_EQ(coronary_of(left), Coronary::left) << left;
+  for (const char* other : {"left renal artery", "deep circumflex iliac artery", "left main portal vein",
+                            "lateral circumflex femoral artery", "posterior circumflex humeral artery"})
+    EXPECT_EQ(coronary_of(other), Coronary::none) << other;
 }
 
 }  // namespace

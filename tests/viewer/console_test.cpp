@@ -148,6 +148,11 @@ TEST_F(Console, KeepsMaskAndRoadMapBehindOtherBladesAndCompression) {
   EXPECT_TRUE(console_.shows_road_map());
   console_.subtract(true);
   expose(false, 4);
+  console_.collimate(Collimation{100, 50});
+  EXPECT_FALSE(console_.is_masking()) << "all of it was open";
+  console_.collimate(Collimation{100, 50, 0.5});
+  EXPECT_TRUE(console_.is_masking()) << "turned blades open corners of which it has nothing";
+  expose(false, 4);
   console_.collimate({});
   EXPECT_TRUE(console_.is_masking()) << "behind blades it has nothing";
   EXPECT_THROW(console_.compress(2), InputError);

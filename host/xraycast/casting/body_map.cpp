@@ -2,6 +2,7 @@
 
 #include "xraycast/base/dicom_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/parallel.hpp"
@@ -351,6 +352,10 @@ void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
                      .channels = {{kOutlineChannel, outline}}});
   }
   write_exr(parts, path);
+}
+
+void check_map_name(const std::filesystem::path& path) {
+  if (extension_of(path) != ".exr") throw InputError("{}: the file name must end in .exr", path.string());
 }
 
 BodyMap read_body_map(const std::filesystem::path& path) {

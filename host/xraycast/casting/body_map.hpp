@@ -66,6 +66,9 @@ bool fits_precision(const BodyMap& map);
 /// fit the precision, and Error when the disk is full.
 void write_body_map(const BodyMap& map, const std::filesystem::path& path);
 
+/// Throws InputError unless the name ends in .exr. Before long work.
+void check_map_name(const std::filesystem::path& path);
+
 /// Reads what write_body_map wrote. Throws InputError, naming the file and the attribute.
 BodyMap read_body_map(const std::filesystem::path& path);
 

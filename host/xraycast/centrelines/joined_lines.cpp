@@ -34,8 +34,8 @@ struct Place {
 
 Place place_of(const SegmentIndex::Nearest& nearest) {
   const auto& [segment, fraction, distance_mm] = nearest;
-  return {segment.branch, fraction, std::lerp(segment.start_radius_mm, segment.end_radius_mm, fraction),
-          distance_mm, segment.start_mm + fraction * (segment.end_mm - segment.start_mm)};
+  return {segment.branch, fraction, nearest.radius_mm(), distance_mm,
+          segment.start_mm + fraction * (segment.end_mm - segment.start_mm)};
 }
 
 /// Indices over ever more segments, in groups at least twice as large as the next, so that each segment is

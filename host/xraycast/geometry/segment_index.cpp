@@ -34,6 +34,17 @@ double squared_distance_to_box(const glm::dvec3& point, const glm::dvec3& lower,
   return squared_length(point - glm::clamp(point, lower, upper));
 }
 
+/// Of a segment's centreline.
+struct Foot {
+  double fraction, squared_mm;
+};
+
+Foot foot_of(const glm::dvec3& point, const SegmentIndex::Segment& segment) {
+  const glm::dvec3 axis = segment.end_mm - segment.start_mm, offset = point - segment.start_mm;
+  const double fraction = std::clamp(glm::dot(offset, axis) / squared_length(axis), 0.0, 1.0);
+  return {fraction, squared_length(offset - fraction * axis)};
+}
+
 /// The hull of two spheres is the union of all spheres between them. The one that reaches furthest towards
 /// the point stands off the foot of the perpendicular, towards the thick end, by the cone's slope.
 bool capsule_contains(const SegmentIndex::Segment& segment, const glm::dvec3& point) {
@@ -106,10 +117,8 @@ void SegmentIndex::search(const glm::dvec3& point_mm, Found& best, const Accept&
       continue;
     }
     for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-      const Segment& segment = segments_[i];
-      const glm::dvec3 axis = segment.end_mm - segment.start_mm, offset = point_mm - segment.start_mm;
-      const double fraction = std::clamp(glm::dot(offset, axis) / squared_length(axis), 0.0, 1.0);
-      const Found found{&segment, fraction, squared_length(offset - fraction * axis)};
+      const Foot foot = foot_of(point_mm, segments_[i]);
+      const Found found{&segments_[i], foot.fraction, foot.squared_mm};
       if (found.squared_mm < best.squared_mm && accept(found)) best = found;
     }
   }
@@ -130,6 +139,44 @@ std::optional<SegmentIndex::Nearest> SegmentIndex::nearest(
   });
   if (!best.segment) return {};
   return Nearest{*best.segment, best.fraction, std::sqrt(best.squared_mm)};
+}
+
+double SegmentIndex::Nearest::radius_mm() const {
+  return std::lerp(segment.start_radius_mm, segment.end_radius_mm, fraction);
+}
+
+SegmentIndex::Nearest SegmentIndex::deepest(const glm::dvec3& point_mm) const {
+  // The nearest is deep already.
+  const Nearest start = nearest(point_mm);
+  const Segment* best = &start.segment;
+  Foot best_foot{start.fraction, squared(start.distance_mm)};
+  double best_out_mm = start.out_mm();
+  const auto is_deeper = [&](const Node& node) {
+    const double within_mm = best_out_mm + node.max_radius_mm;
+    return within_mm > 0 &&
+           squared_distance_to_box(point_mm, node.lower_mm, node.upper_mm) < squared(within_mm);
+  };
+  Stack<std::uint32_t> waiting;
+  waiting.push(0);
+  while (!waiting.empty()) {
+    const std::uint32_t index = waiting.pop();
+    const Node& node = nodes_[index];
+    if (!is_deeper(node)) continue;
+    if (node.count == 0) {
+      waiting.push(node.first);
+      waiting.push(index + 1);
+      continue;
+    }
+    for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+      const Foot foot = foot_of(point_mm, segments_[i]);
+      const Nearest found{segments_[i], foot.fraction, std::sqrt(foot.squared_mm)};
+      if (found.out_mm() >= best_out_mm) continue;
+      best = &segments_[i];
+      best_foot = foot;
+      best_out_mm = found.out_mm();
+    }
+  }
+  return {*best, best_foot.fraction, std::sqrt(best_foot.squared_mm)};
 }
 
 bool SegmentIndex::inside(const glm::dvec3& point_mm) const {

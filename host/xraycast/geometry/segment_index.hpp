@@ -27,6 +27,9 @@ class SegmentIndex {
     const Segment& segment;  ///< lives as long as the index
     double fraction;         ///< of the way from its start to its end
     double distance_mm;
+    double radius_mm() const;
+    /// How far the point is out of the sphere there; negative within.
+    double out_mm() const { return distance_mm - radius_mm(); }
   };
   Nearest nearest(const glm::dvec3& point_mm) const;
 
@@ -34,6 +37,10 @@ class SegmentIndex {
   /// asked for.
   std::optional<Nearest> nearest(const glm::dvec3& point_mm, double within_mm,
                                  const std::function<bool(const Nearest&)>& accept) const;
+
+  /// The place in whose sphere a point lies deepest, or whose sphere is nearest to it: the least distance
+  /// less radius. Of each segment its nearest place is asked for.
+  Nearest deepest(const glm::dvec3& point_mm) const;
 
   /// Whether a point lies in any of the tapered capsules: the hulls of the spheres around both ends of a
   /// segment.

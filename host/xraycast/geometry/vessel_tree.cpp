@@ -297,13 +297,14 @@ std::string VesselTree::title(int branch) const {
 }
 
 VesselTree::Location VesselTree::nearest(const glm::dvec3& point_mm) const {
-  const auto [segment, fraction, distance_mm] = segments_.nearest(point_mm);
+  const SegmentIndex::Nearest found = segments_.nearest(point_mm);
+  const auto& [segment, fraction, distance_mm] = found;
   const auto& arc_length_mm = branches_[segment.branch].arc_length_mm;
   return {
       .branch = segment.branch,
       .arc_length_mm = std::lerp(arc_length_mm[segment.point], arc_length_mm[segment.point + 1], fraction),
       .centre_mm = segment.start_mm + fraction * (segment.end_mm - segment.start_mm),
-      .radius_mm = std::lerp(segment.start_radius_mm, segment.end_radius_mm, fraction),
+      .radius_mm = found.radius_mm(),
       .distance_mm = distance_mm};
 }
 

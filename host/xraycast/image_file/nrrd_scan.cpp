@@ -242,6 +242,9 @@ ImageHeader nrrd_header(const TextHeader& text, std::vector<std::string>& warnin
     if (std::ranges::find(domain, axis) != domain.end())
       header.size.push_back(sizes[axis]);
     else if (sizes[axis] != 1) {
+      if (header.numbers_per_voxel != 1)
+        fail_nrrd(text, "two axes hold numbers of the same voxel, of {} and {}; give a file with one at most",
+                  header.numbers_per_voxel, sizes[axis]);
       header.numbers_per_voxel = sizes[axis];
       header.are_numbers_apart = !header.size.empty();
       header.has_numbers_between = header.are_numbers_apart && axis < domain.back();

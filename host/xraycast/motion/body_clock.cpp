@@ -124,16 +124,8 @@ std::optional<double> BodyClock::next_instant(const std::string& mode, double ph
                                               double at_or_after_s) const {
   check_phase(mode, phase);
   const Mode& gate = modes_[index_of(mode)];
-  const double own_s = own_time_s(gate, at_or_after_s);
-  if (gate.rate() == 0) {
-    constexpr double kSamePhase = 1e-9;
-    const double away = std::abs(gate.motion.phase_at(own_s) - phase);
-    const bool is_there = away < kSamePhase || (gate.motion.wraps() && 1 - away < kSamePhase);
-    return is_there ? std::optional(at_or_after_s) : std::nullopt;
-  }
-  const std::optional<double> found_s = gate.motion.next_time_s(phase, own_s - kRounding_s * gate.rate());
-  if (!found_s) return {};
-  return std::max(at_or_after_s, time_s_ + (*found_s - gate.time_s) / gate.rate());
+  const auto wait_s = gate.motion.wait_s(phase, own_time_s(gate, at_or_after_s), gate.rate());
+  return wait_s ? std::optional(at_or_after_s + *wait_s) : std::nullopt;
 }
 
 std::size_t BodyClock::index_of(const std::string& name) const {

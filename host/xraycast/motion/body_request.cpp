@@ -30,15 +30,10 @@ std::size_t number_of_mode(const PhaseGate& gate, const Motion& motion) {
 std::optional<double> opening_s(const BodyRequest& request, double from_s) {
   const MotionMode& mode = request.motion->modes()[number_of_mode(*request.gate, *request.motion)];
   const double phase = request.gate->phase;
-  constexpr double kSamePhase = 1e-9, kJustBefore_s = 1e-9;
-  const auto held = request.phase.find(mode.name);
-  if (held != request.phase.end() || request.speed == 0) {
-    const double away = std::abs((held != request.phase.end() ? held->second : mode.phase_at(0)) - phase);
-    const bool is_there = away < kSamePhase || (mode.wraps() && 1 - away < kSamePhase);
-    return is_there ? std::optional(from_s) : std::nullopt;
-  }
-  const auto own_s = mode.next_time_s(phase, request.speed * (from_s - kJustBefore_s));
-  return own_s ? std::optional(std::max(from_s, *own_s / request.speed)) : std::nullopt;
+  if (const auto held = request.phase.find(mode.name); held != request.phase.end())
+    return mode.is_same_phase(held->second, phase) ? std::optional(from_s) : std::nullopt;
+  const auto wait_s = mode.wait_s(phase, request.speed * from_s, request.speed);
+  return wait_s ? std::optional(from_s + *wait_s) : std::nullopt;
 }
 
 }  // namespace

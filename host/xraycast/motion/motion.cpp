@@ -66,8 +66,8 @@ void check_modes(const std::vector<MotionMode>& modes, const std::string& name) 
   if (modes.empty()) throw InputError("{}: has no modes; give one at least", name);
   std::set<std::string> names;
   for (const MotionMode& mode : modes) {
-    if (mode.name.empty() || mode.name.find_first_of("=, \t\n") != std::string::npos)
-      throw InputError("{}: a mode's name is '{}'; it must be a word without = and commas", name,
+    if (mode.name.empty() || mode.name.find_first_of("=,/ \t\n") != std::string::npos)
+      throw InputError("{}: a mode's name is '{}'; it must be a word without =, / and commas", name,
                        excerpt(mode.name));
     if (!names.insert(mode.name).second)
       throw InputError("{}: two modes are named {}; rename one", name, excerpt(mode.name));

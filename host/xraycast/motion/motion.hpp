@@ -54,6 +54,12 @@ struct MotionMode {
   /// never has it. Where the mode wraps, phases 0 and 1 are the same.
   std::optional<double> next_time_s(double phase, double from_s) const;
 
+  /// Whether a phase is another, but for rounding.
+  bool is_same_phase(double a, double b) const;
+  /// How long until the phase is this one, from a time of the mode's own on that goes on `rate` times as fast
+  /// as the clock; nothing where it never is, as of rate 0 at another phase.
+  std::optional<double> wait_s(double phase, double own_s, double rate) const;
+
   /// How much each key counts at a phase.
   std::vector<double> weights_at(double phase) const;
 };

@@ -148,6 +148,20 @@ std::optional<double> MotionMode::next_time_s(double phase, double from_s) const
   return std::min(first_from(there), first_from(back));
 }
 
+bool MotionMode::is_same_phase(double a, double b) const {
+  constexpr double kSame = 1e-9;
+  const double away = std::abs(a - b);
+  return away < kSame || (wraps() && 1 - away < kSame);
+}
+
+std::optional<double> MotionMode::wait_s(double phase, double own_s, double rate) const {
+  constexpr double kRounding_s = 1e-9;
+  if (rate == 0) return is_same_phase(phase_at(own_s), phase) ? std::optional(0.0) : std::nullopt;
+  const std::optional<double> found_s = next_time_s(phase, own_s - kRounding_s * rate);
+  if (!found_s) return {};
+  return std::max(0.0, (*found_s - own_s) / rate);
+}
+
 std::vector<double> MotionMode::weights_at(double phase) const {
   const bool is_cycle = wraps();
   // The keys of one cycle; one at phase 1 is that at 0.

@@ -31,7 +31,7 @@ class MotionFiles {
   OrderedJson key(const std::string& mode, double phase, const VectorImage* field) {
     progress_.advance();
     if (!field) return {{"phase", phase}};
-    const std::string file = fmt::format("{}_{:g}.nrrd", mode, phase);
+    const std::string file = fmt::format("{}_{}.nrrd", mode, phase);
     write_vector_image(*field, folder_ / file);
     return {{"phase", phase}, {"field", file}};
   }

@@ -65,13 +65,8 @@ PinholeCamera of_means(PinholeCamera camera, glm::ivec2 first, int factor, glm::
 }
 
 std::array<glm::dvec3, 8> corners_before(const PinholeCamera& camera, const VolumeGeometry& scan) {
-  const glm::dvec3 lower_mm = scan.lower_mm(), upper_mm = scan.upper_mm();
-  std::array<glm::dvec3, 8> corners_mm;
-  for (std::size_t corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 at_mm(corner & 1 ? upper_mm.x : lower_mm.x, corner & 2 ? upper_mm.y : lower_mm.y,
-                           corner & 4 ? upper_mm.z : lower_mm.z);
-    corners_mm[corner] = camera.rotation * at_mm + camera.translation_mm;
-  }
+  std::array<glm::dvec3, 8> corners_mm = corners_of(scan.lower_mm(), scan.upper_mm());
+  for (glm::dvec3& corner_mm : corners_mm) corner_mm = camera.rotation * corner_mm + camera.translation_mm;
   return corners_mm;
 }
 

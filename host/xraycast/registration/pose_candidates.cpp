@@ -8,13 +8,9 @@ namespace xraycast {
 namespace {
 
 double distance_mm(const RigidMotion& a, const RigidMotion& b, const AttenuationPyramid& scan) {
-  const glm::dvec3 lower = scan.lower_mm(), upper = scan.upper_mm();
   double sum = 0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 at(corner & 1 ? upper.x : lower.x, corner & 2 ? upper.y : lower.y,
-                        corner & 4 ? upper.z : lower.z);
-    sum += glm::distance(a(at), b(at));
-  }
+  for (const glm::dvec3& corner_mm : corners_of(scan.lower_mm(), scan.upper_mm()))
+    sum += glm::distance(a(corner_mm), b(corner_mm));
   return sum / 8;
 }
 

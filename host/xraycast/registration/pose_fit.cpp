@@ -20,7 +20,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 /// A rotation by a hundredth of a radian moves the body's border about as far as a millimetre.
 const Vector6 kUnits = (Vector6() << 1, 1, 1, 0.01, 0.01, 0.01).finished();
 
-/// Whether some of the scan lies before the camera, so that it can be projected.
+/// Whether the scan's middle lies before the camera. A pose that has it behind is not worth a projection.
 bool is_before(const PinholeCamera& camera, const VolumeGeometry& volume) {
   const glm::dvec3 middle = volume.middle_mm();
   return (camera.rotation * middle + camera.translation_mm).z > 0;

@@ -27,14 +27,6 @@ glm::dvec3 row(const glm::dmat3& matrix, int index) { return glm::transpose(matr
 /// Where a camera looks, in the scan's axes.
 glm::dvec3 axis_of(const PinholeCamera& camera) { return row(camera.rotation, 2); }
 
-std::array<glm::dvec3, 8> corners_of(const glm::dvec3& lower, const glm::dvec3& upper) {
-  std::array<glm::dvec3, 8> corners;
-  for (int i = 0; i < 8; ++i)
-    corners[static_cast<std::size_t>(i)] = {i & 1 ? upper.x : lower.x, i & 2 ? upper.y : lower.y,
-                                            i & 4 ? upper.z : lower.z};
-  return corners;
-}
-
 PictureBox box_of(const std::vector<std::uint8_t>& mask, const Xray& xray) {
   PictureBox box{xray.width, xray.height, 0, 0};
   for (int y = 0; y < xray.height; ++y)

@@ -8,6 +8,13 @@
 
 namespace xraycast {
 
+std::array<glm::dvec3, 8> corners_of(const glm::dvec3& lower, const glm::dvec3& upper) {
+  std::array<glm::dvec3, 8> corners;
+  for (std::size_t i = 0; i < 8; ++i)
+    corners[i] = {i & 1 ? upper.x : lower.x, i & 2 ? upper.y : lower.y, i & 4 ? upper.z : lower.z};
+  return corners;
+}
+
 void validate(const VolumeGeometry& geometry, const std::string& name) {
   constexpr std::int64_t kMaxSize = 65536;
   for (int axis = 0; axis < 3; ++axis) {

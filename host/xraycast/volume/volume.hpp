@@ -3,6 +3,7 @@
 #include <glm/ext/vector_int3_sized.hpp>
 #include <glm/vec3.hpp>
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -37,6 +38,9 @@ struct VolumeGeometry {
 
   bool operator==(const VolumeGeometry&) const = default;
 };
+
+/// Of a box, the lower x first, then y, then z.
+std::array<glm::dvec3, 8> corners_of(const glm::dvec3& lower, const glm::dvec3& upper);
 
 /// Throws InputError, with `name` in front, unless every size is 1 to 65,536 (so that the product fits in 48
 /// bits), spacing and origin are finite, and spacing is positive.

@@ -1,15 +1,19 @@
 """The scans of a cohort: from a CSV file, or found in a folder."""
 import csv
 import dataclasses
+import fnmatch
 import io
 import os
 import pathlib
+import re
 import urllib.parse
 
 from .._errors import InputError
 
 VOLUMES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".vti", ".vtk", ".zip")
 DICOM_MAGIC_AT = 128
+URL = re.compile(r"([a-z0-9+.-]+::)*[a-z0-9+.-]+://", re.I)  # chained ones of fsspec too
+MOST_HEADER = 1 << 20  # letters
 MOST_LETTERS = 255  # of a folder's name, in all common file systems
 
 
@@ -27,7 +31,7 @@ class CohortScan:
 
 
 def is_url(path):
-    return "://" in path or "::" in path
+    return bool(URL.match(path))
 
 
 def read_cohort(source):
@@ -70,7 +74,7 @@ def _text_of(source):
         with open(source, encoding="utf-8-sig", newline="") as file:
             return file.read()
     except (OSError, ImportError, UnicodeDecodeError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "cannot be read as UTF-8" if isinstance(error, ValueError) else error
+        reason = "cannot be read as UTF-8" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or error
         if isinstance(error, FileNotFoundError):
             reason = "no such file"
         raise InputError(f"{source}: {reason}; give a manifest (.csv) or a folder of scans") from None
@@ -96,16 +100,40 @@ def find_scans(source):
 
 
 def _found_below(root):
-    scans = []
-    for folder, folders, files in os.walk(root):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        volumes, others = _sorted_out(files)
-        here = pathlib.Path(folder)
-        scans += [CohortScan((here / name).relative_to(root).as_posix(), str(here / name)) for name in volumes]
-        if any(_is_dicom(here / name) for name in others):
-            name = here.relative_to(root).as_posix()
-            scans.append(CohortScan(root.name if name == "." else name, folder))
-            folders.clear()  # its subfolders, if any, belong to it
+    folders = {pathlib.Path(folder).relative_to(root).as_posix(): files for folder, _, files in os.walk(root)}
+    return _scans_in(folders, root.name, lambda name: str(root / name), _is_dicom)
+
+
+def _found_by_url(source):
+    import fsspec
+    try:
+        system, root = fsspec.core.url_to_fs(source)
+        paths = system.find(root)
+    except (OSError, ImportError, ValueError) as error:
+        raise InputError(f"{source}: {error}; give the URL of a folder of scans") from None
+    folders = {}
+    for path in paths:
+        folder, name = os.path.split(os.path.relpath(path, root))
+        folders.setdefault(folder or ".", []).append(name)
+    root = root.rstrip("/")
+    return _scans_in(folders, os.path.basename(root), lambda name: system.unstrip_protocol(f"{root}/{name}" if name != "." else root),
+                     lambda url: _is_dicom_by_url(system, url))
+
+
+def _scans_in(folders, root_name, located, is_dicom):
+    """folders: the names of the files in each, by its path below the root, which is "." itself."""
+    scans, dicom = [], set()
+    for folder in sorted(folders):
+        parts = pathlib.PurePosixPath(folder).parts
+        ways = {"."} | {"/".join(parts[:count]) for count in range(1, len(parts) + 1)}
+        if any(part.startswith(".") for part in parts) or (ways - {folder}) & dicom:
+            continue  # hidden, or a part of the DICOM folder that it is in
+        inside = "" if folder == "." else folder + "/"
+        volumes, others = _sorted_out(folders[folder])
+        scans += [CohortScan(inside + name, located(inside + name)) for name in volumes]
+        if any(is_dicom(located(inside + name)) for name in others):
+            scans.append(CohortScan(root_name if folder == "." else folder, located(folder)))
+            dicom.add(folder)
     return scans
 
 
@@ -116,7 +144,7 @@ def _sorted_out(names):
 
 
 def _is_dicom(path):
-    if path.suffix.lower() == ".dcm":
+    if path.lower().endswith(".dcm"):
         return True
     try:
         with open(path, "rb") as file:
@@ -125,20 +153,17 @@ def _is_dicom(path):
         return False
 
 
-def _found_by_url(source):
-    import fsspec
+def _is_dicom_by_url(system, url):
+    """Each look costs a request: only names that slices have without .dcm are looked into."""
+    suffix = pathlib.PurePosixPath(url).suffix.lower()
+    if suffix == ".dcm":
+        return True
+    if suffix and suffix != ".ima" and not suffix[1:].isdigit():
+        return False
     try:
-        system, root = fsspec.core.url_to_fs(source)
-        paths = system.find(root)
-    except (OSError, ImportError, ValueError) as error:
-        raise InputError(f"{source}: {error}; give the URL of a folder of scans") from None
-    scans, dicom_folders = [], set()
-    for path in paths:
-        if path.lower().endswith(VOLUMES):
-            scans.append(CohortScan(os.path.relpath(path, root), system.unstrip_protocol(path)))
-        elif path.lower().endswith(".dcm"):
-            dicom_folders.add(os.path.dirname(path))
-    return scans + [CohortScan(os.path.relpath(path, root), system.unstrip_protocol(path)) for path in dicom_folders]
+        return system.cat_file(url, start=DICOM_MAGIC_AT, end=DICOM_MAGIC_AT + 4) == b"DICM"
+    except OSError:
+        return False
 
 
 def _check_names(scans, source):
@@ -178,11 +203,16 @@ def _identity_of_file(path, root):
 
 
 def _with_voxels(path):
-    """A header may have its voxels in another file of the same name."""
+    """A header may have its voxels in other files: one of the same name, or those that it names, also by a pattern of slices."""
     if not path.lower().endswith((".mhd", ".nhdr")):
         return [path]
-    stem = pathlib.Path(path).stem
-    return sorted(str(file) for file in pathlib.Path(path).parent.iterdir() if file.name.split(".")[0] == stem.split(".")[0])
+    header = pathlib.Path(path)
+    stem = header.stem.split(".")[0]
+    with open(path, encoding="utf-8", errors="replace") as file:
+        words = set(re.split(r"[\s=:]+", re.sub(r"%\d*d", "*", file.read(MOST_HEADER))))
+    patterns = [word for word in words if "*" in word]
+    return sorted(str(file) for file in header.parent.iterdir() if file.name.split(".")[0] == stem or file.name in words
+                  or any(fnmatch.fnmatch(file.name, pattern) for pattern in patterns))
 
 
 def _identity_by_url(path):

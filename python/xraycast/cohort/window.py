@@ -16,17 +16,19 @@ FUTURES_A_THREAD = 3
 COUNT_INTERVAL_S = 2.0
 MOST_EVENTS = 500
 MOST_UNBEGUN = 3
+MOST_LOST = 3
 
 
 @dataclasses.dataclass
 class Job:
-    """A scan that is to be done. tries: attempts that ended; began_on: the worker of the attempt that runs; unbegun: how often its
-    workers died before it was seen to begin."""
+    """A scan that is to be done. tries: attempts that ended with a record of their own; began_on: the worker of the attempt that
+    runs; unbegun: how often its workers died before it was seen to begin; lost: how often a scheduler was lost while it ran."""
     scan: object
     hash: str
     tries: int = 0
     began_on: str = ""
     unbegun: int = 0
+    lost: int = 0
     future: object = None
 
 
@@ -178,7 +180,9 @@ class Window:
     def _give_again(self, job):
         if job.began_on:
             self._record_death(job, "SchedulerLost", "the connection to the scheduler broke")
-        self._again.append(job)
+            job.lost += 1
+        if job.lost <= MOST_LOST:  # one that brings schedulers down is not given to ever more of them
+            self._again.append(job)
 
     def _record_death(self, job, name, line):
         record = new_record(job.scan, job.hash, job.began_on)

@@ -168,10 +168,8 @@ class WallFit {
             glm::any(glm::greaterThan(point_mm, reaches[b].high_mm)))
           continue;
         const auto found = reaches[b].lines.nearest(point_mm);
-        const double radius_mm =
-            std::lerp(found.segment.start_radius_mm, found.segment.end_radius_mm, found.fraction);
-        if (const double gap_mm = found.distance_mm - radius_mm; gap_mm < least_mm) {
-          least_mm = gap_mm;
+        if (found.out_mm() < least_mm) {
+          least_mm = found.out_mm();
           touches_[index(i)] = {static_cast<int>(b), static_cast<std::size_t>(found.segment.point)};
         }
       }

@@ -2,7 +2,6 @@
 
 #include <glm/common.hpp>
 
-#include <algorithm>
 #include <cmath>
 
 namespace xraycast {
@@ -22,13 +21,12 @@ std::vector<SegmentIndex::Segment> pieces_of(const VesselTree& tree, const std::
 
 TubePlace place_of(const SegmentIndex::Nearest& found) {
   const SegmentIndex::Segment& piece = found.segment;
-  const double radius_mm = std::lerp(piece.start_radius_mm, piece.end_radius_mm, found.fraction);
   return {.branch = piece.branch,
           .point = piece.point,
           .fraction = found.fraction,
           .centre_mm = glm::mix(piece.start_mm, piece.end_mm, found.fraction),
-          .radius_mm = radius_mm,
-          .out_mm = found.distance_mm - radius_mm};
+          .radius_mm = found.radius_mm(),
+          .out_mm = found.out_mm()};
 }
 
 }  // namespace
@@ -40,19 +38,10 @@ double TubePlace::arc_length_mm(const VesselTree& tree) const {
 }
 
 TubePlaces::TubePlaces(const VesselTree& tree, const std::vector<bool>& counts)
-    : pieces_(pieces_of(tree, counts)), widest_mm_(0) {
-  for (const SegmentIndex::Segment& piece : pieces_of(tree, counts))
-    widest_mm_ = std::max({widest_mm_, piece.start_radius_mm, piece.end_radius_mm});
-}
+    : pieces_(pieces_of(tree, counts)) {}
 
 TubePlace TubePlaces::deepest(const glm::dvec3& point_mm) const {
-  TubePlace best = place_of(pieces_.nearest(point_mm));
-  // What is deeper has its centreline within the widest radius more than the best depth. All are visited.
-  pieces_.nearest(point_mm, best.out_mm + widest_mm_, [&](const SegmentIndex::Nearest& found) {
-    if (const TubePlace place = place_of(found); place.out_mm < best.out_mm) best = place;
-    return false;
-  });
-  return best;
+  return place_of(pieces_.deepest(point_mm));
 }
 
 }  // namespace xraycast

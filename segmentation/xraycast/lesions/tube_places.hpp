@@ -29,7 +29,6 @@ class TubePlaces {
 
  private:
   SegmentIndex pieces_;
-  double widest_mm_;
 };
 
 }  // namespace xraycast

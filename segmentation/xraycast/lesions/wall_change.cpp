@@ -15,10 +15,14 @@ bool is_same_point(const VesselPoint& a, const VesselPoint& b) {
   return a.position_mm == b.position_mm && a.radius_mm == b.radius_mm;
 }
 
-/// A piece as the hull of both states: wide enough to find all that it may move.
-SegmentIndex::Segment piece_of(const VesselBranch& branch, int number, std::size_t k) {
+/// How far from its centreline a vessel's lumen is looked for, however uneven its wall.
+double reach_mm(double radius_mm) { return 1.5 * radius_mm + 1; }
+
+/// A piece with all that it may move around it.
+SegmentIndex::Segment reach_of(const VesselBranch& branch, int number, std::size_t k) {
   const VesselPoint &a = branch.points[k], &b = branch.points[k + 1];
-  return {a.position_mm, b.position_mm, a.radius_mm, b.radius_mm, number, static_cast<int>(k)};
+  const double widest_mm = reach_mm(std::max(a.radius_mm, b.radius_mm));
+  return {a.position_mm, b.position_mm, widest_mm, widest_mm, number, static_cast<int>(k)};
 }
 
 /// The pieces along which the ratio of radii changes, or the centreline moves: elsewhere a wall keeps its
@@ -34,9 +38,9 @@ std::vector<char> uneven_pieces(const VesselBranch& was, const VesselBranch& is)
   return uneven;
 }
 
-/// Whether a point is too far from a place for its vessel's lumen, however uneven its wall.
+/// Whether a point is too far from a place for its vessel's lumen.
 bool is_beyond(const glm::dvec3& point_mm, const VesselPoint& place) {
-  return glm::distance(point_mm, place.position_mm) > 1.5 * place.radius_mm + 1;
+  return glm::distance(point_mm, place.position_mm) > reach_mm(place.radius_mm);
 }
 
 /// Half a wave of the cosine on either side of the middle: 1 there, 0 at the ends.
@@ -180,10 +184,8 @@ WallChange::WallChange(VesselTree before, VesselTree after)
       changes[k] =
           !is_same_point(was.points[k], is.points[k]) || !is_same_point(was.points[k + 1], is.points[k + 1]);
       if (changes[k] == 0) continue;
-      for (const VesselBranch* branch : {&was, &is}) {
-        pieces.push_back(piece_of(*branch, static_cast<int>(b), k));
-        widest_mm_ = std::max({widest_mm_, branch->points[k].radius_mm, branch->points[k + 1].radius_mm});
-      }
+      for (const VesselBranch* branch : {&was, &is})
+        pieces.push_back(reach_of(*branch, static_cast<int>(b), k));
     }
   }
   if (!pieces.empty()) changed_ = std::make_unique<SegmentIndex>(std::move(pieces));
@@ -206,7 +208,7 @@ std::optional<WallChange::Both> WallChange::both_at(const TubePlace& place) cons
 
 double WallChange::beyond_mm(const glm::dvec3& point_mm) const {
   if (!changed_) return std::numeric_limits<double>::infinity();
-  return changed_->nearest(point_mm).distance_mm - 1.5 * widest_mm_ - 1;
+  return changed_->deepest(point_mm).out_mm();
 }
 
 glm::dvec3 WallChange::moved(const glm::dvec3& point_mm) const {
@@ -264,8 +266,8 @@ std::pair<glm::dvec3, glm::dvec3> WallChange::box_mm() const {
         for (const VesselTree* tree : {&before_, &after_})
           for (const std::size_t i : {k, k + 1}) {
             const VesselPoint& point = tree->branches()[b].points[i];
-            lower = glm::min(lower, point.position_mm - 1.5 * point.radius_mm - 1.0);
-            upper = glm::max(upper, point.position_mm + 1.5 * point.radius_mm + 1.0);
+            lower = glm::min(lower, point.position_mm - reach_mm(point.radius_mm));
+            upper = glm::max(upper, point.position_mm + reach_mm(point.radius_mm));
           }
   return {lower, upper};
 }

@@ -55,8 +55,7 @@ class WallChange {
   VesselTree before_, after_;
   TubePlaces lumens_before_, lumens_after_;
   std::vector<std::vector<char>> changes_, uneven_;  ///< one for each piece of each branch
-  std::unique_ptr<SegmentIndex> changed_;            ///< the pieces that do
-  double widest_mm_ = 0;                             ///< of these, before or after
+  std::unique_ptr<SegmentIndex> changed_;            ///< how far those that do reach, before and after
 };
 
 /// The change by stenoses and scaled radii. Points are added where a stenosis needs them; elsewhere all stay

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <numbers>
 #include <string_view>
@@ -17,11 +18,19 @@ struct NamedShare {
   double share;
 };
 
-// Of several that fit, the first one counts.
+// A whole name: others have a left main artery or vein too.
+constexpr std::string_view kLeftMain = "left main";
+constexpr double kLeftCoronary = 0.027;
+
+// Of several that fit, the first one counts. Branches of these, such as a right hepatic artery, divide what
+// their parent has.
 constexpr std::array kShares{
     NamedShare{"renal artery", 0.095},
     NamedShare{"coeliac trunk", 0.115},  // liver, spleen, stomach and oesophagus, pancreas
     NamedShare{"celiac trunk", 0.115},
+    NamedShare{"right hepatic artery", 0},
+    NamedShare{"left hepatic artery", 0},
+    NamedShare{"middle hepatic artery", 0},
     NamedShare{"hepatic artery", 0.07},   // with half of the stomach
     NamedShare{"splenic artery", 0.045},  // with the other half, and the pancreas
     NamedShare{"superior mesenteric artery", 0.12},
@@ -30,16 +39,33 @@ constexpr std::array kShares{
     NamedShare{"external carotid artery", 0.027},
     NamedShare{"common carotid artery", 0.072},
     NamedShare{"vertebral artery", 0.015},
-    NamedShare{"left coronary artery", 0.027},
-    NamedShare{"left main", 0.027},
+    NamedShare{"left coronary artery", kLeftCoronary},
+    NamedShare{"left main coronary artery", kLeftCoronary},
+    NamedShare{"left main stem", kLeftCoronary},
     NamedShare{"right coronary artery", 0.013},
 };
 
 constexpr std::array<std::string_view, 2> kRightCoronaries{"right coronary", "RCA"};
-constexpr std::array<std::string_view, 7> kLeftCoronaries{
-    "coronary", "left main", "anterior descending", "circumflex", "obtuse marginal", "LAD", "LCX"};
+constexpr std::array<std::string_view, 8> kLeftCoronaries{"coronary",
+                                                          "left main stem",
+                                                          "anterior descending",
+                                                          "circumflex artery",
+                                                          "circumflex branch",
+                                                          "obtuse marginal",
+                                                          "LAD",
+                                                          "LCX"};
+// Whole names: there are circumflex arteries of the arm and the thigh.
+constexpr std::array<std::string_view, 3> kLeftCoronaryNames{kLeftMain, "circumflex", "left circumflex"};
 
-bool contains(const std::string& name, std::string_view part) { return name.find(part) != std::string::npos; }
+/// Whether words stand in a name as whole words: a suprarenal artery is no renal artery.
+bool contains(std::string_view name, std::string_view words) {
+  const auto is_letter = [&](std::size_t at) {
+    return at < name.size() && std::isalpha(static_cast<unsigned char>(name[at])) != 0;
+  };
+  for (std::size_t at = 0; (at = name.find(words, at)) != std::string_view::npos; ++at)
+    if (!(at > 0 && is_letter(at - 1)) && !is_letter(at + words.size())) return true;
+  return false;
+}
 
 /// A child starts at its parent's end; a little further on it has its own width.
 double own_radius_mm(const VesselBranch& branch) {
@@ -78,6 +104,7 @@ double heart_output_ml_s(const Blood& blood) {
 double rest_share(const std::string& name) {
   for (const NamedShare& known : kShares)
     if (contains(name, known.name)) return known.share;
+  if (name == kLeftMain) return kLeftCoronary;
   return 0;
 }
 
@@ -86,6 +113,7 @@ Coronary coronary_of(const std::string& name) {
     if (contains(name, part)) return Coronary::right;
   for (const std::string_view part : kLeftCoronaries)
     if (contains(name, part)) return Coronary::left;
+  if (std::ranges::find(kLeftCoronaryNames, name) != kLeftCoronaryNames.end()) return Coronary::left;
   return Coronary::none;
 }
 

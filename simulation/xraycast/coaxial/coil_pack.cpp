@@ -166,16 +166,15 @@ std::vector<glm::dvec3>& CoilPack::cell_at(const glm::dvec3& place_mm) {
   return cells_[static_cast<std::size_t>((z * cells_along_ + y) * cells_along_ + x)];
 }
 
-double CoilPack::coil_mm3() const {
-  double sum_mm3 = 0;
-  for (const LaidCoil& coil : coils_) sum_mm3 += coil.laid_mm3();
-  return sum_mm3;
+void CoilSum::add(const LaidCoil& coil) {
+  laid_mm3 += coil.laid_mm3();
+  laid_mm3_by_wire_mm += coil.laid_mm3() / coil.model.wire_mm;
 }
 
-double CoilPack::wire_mm() const {
-  double by_wire_mm2 = 0;
-  for (const LaidCoil& coil : coils_) by_wire_mm2 += coil.laid_mm3() / coil.model.wire_mm;
-  return by_wire_mm2 > 0 ? coil_mm3() / by_wire_mm2 : 0;
+CoilSum CoilPack::sum() const {
+  CoilSum sum;
+  for (const LaidCoil& coil : coils_) sum.add(coil);
+  return sum;
 }
 
 double CoilPack::push_N() const {

@@ -27,6 +27,14 @@ struct LaidCoil {
   double laid_mm3() const { return model.volume_mm3() * laid_mm / model.length_mm; }
 };
 
+/// Sums over coils.
+struct CoilSum {
+  double laid_mm3 = 0, laid_mm3_by_wire_mm = 0;
+  void add(const LaidCoil& coil);
+  /// The primary diameter of a bed with the same volume and surface; 0 without coils.
+  double wire_mm() const { return laid_mm3_by_wire_mm > 0 ? laid_mm3 / laid_mm3_by_wire_mm : 0; }
+};
+
 /// The coils in a sac, where each lies since it came out of a catheter there.
 ///
 /// A coil is laid down from its far end on, step by step, as virtual coiling does by paths (Morales et al.,
@@ -50,12 +58,9 @@ class CoilPack {
   void lay_to(double length_mm);
   void detach(double time_s);
 
-  /// Volume of what lies in the sac.
-  double coil_mm3() const;
-  /// The same over the sac's.
-  double packing() const { return coil_mm3() / sac_.volume_mm3(); }
-  /// The primary diameter of a bed with the same volume and surface; 0 without coils.
-  double wire_mm() const;
+  CoilSum sum() const;
+  /// The volume of what lies in the sac over the sac's.
+  double packing() const { return sum().laid_mm3 / sac_.volume_mm3(); }
   /// The force by which the attached coil pushes back: kFirm_N (p / (kDensest - p))^2 at the packing p, over
   /// the first of its loops less. Chosen: 0.1 N at 20 %, and a hand's 3 N at 37 %. Without one, 0.
   double push_N() const;

@@ -169,10 +169,10 @@ void IgtlinkServer::drain(IgtlinkClient& client) {
 }
 
 void IgtlinkServer::handle(IgtlinkClient& client, const IgtlinkReceiver::Event& event) {
-  client.last_message = now_;
   if (const auto* complaint = std::get_if<Complaint>(&event))
-    say(client, complaint->topic, complaint->text);
-  else if (const auto* move = std::get_if<HubMove>(&event))
+    return say(client, complaint->topic, complaint->text);
+  client.last_message = now_;
+  if (const auto* move = std::get_if<HubMove>(&event))
     move_hub(client, *move);
   else if (std::holds_alternative<StatusRequest>(event))
     client.status_due = true;

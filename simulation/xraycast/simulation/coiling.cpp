@@ -15,12 +15,11 @@ double inflow_share(const AneurysmSac& sac, double vessel_ml_s, const CoilBed& b
 /// Those of a sac, beside a vessel with a flow.
 void add_coilings(const CoilPack& pack, double vessel_ml_s, const VesselTree& tree,
                   std::vector<Coiling>& all) {
-  double coils_mm3 = 0, by_wire_mm2 = 0;
+  CoilSum so_far;
   for (const LaidCoil& coil : pack.coils()) {
-    coils_mm3 += coil.laid_mm3();
-    by_wire_mm2 += coil.laid_mm3() / coil.model.wire_mm;
+    so_far.add(coil);
     const double sac_mm3 = pack.sac().volume_mm3();
-    const CoilBed bed{coils_mm3 / sac_mm3, by_wire_mm2 > 0 ? coils_mm3 / by_wire_mm2 : 0};
+    const CoilBed bed{so_far.laid_mm3 / sac_mm3, so_far.wire_mm()};
     all.push_back({.instrument = coil.instrument,
                    .device = coil.device,
                    .branch = pack.sac().branch,
@@ -68,7 +67,7 @@ std::string in_words(const Coiling& coiling) {
       coiling.sac_mm3, kPercent * coiling.packing, kPercent * coiling.inflow_share);
 }
 
-CoilBed bed_of(const CoilPack& pack) { return {pack.packing(), pack.wire_mm()}; }
+CoilBed bed_of(const CoilPack& pack) { return {pack.packing(), pack.sum().wire_mm()}; }
 
 void take_coils(const Instruments& instruments, ContrastBolus& bolus) {
   for (std::size_t s = 0; s < instruments.coil_packs().size(); ++s)

@@ -67,15 +67,17 @@ void ExerciseProgress::add(const Instruments& instruments, const RunReport& repo
 }
 
 void ExerciseProgress::look_where_tips_came_from(const Instruments& instruments) {
-  for (std::size_t t = 0; t < exercise_.targets.size(); ++t)
-    for (std::size_t d = 0; d < instruments.count(); ++d) {
+  for (std::size_t d = 0; d < instruments.count(); ++d) {
+    const InstrumentTip tip = instruments.tip(d);
+    for (std::size_t t = 0; t < exercise_.targets.size(); ++t) {
       std::optional<bool>& came_deeper = came_deeper_[t][d];
-      const std::optional<double> depth_mm = depth_of(target_depths_[t], instruments.tip(d));
+      const std::optional<double> depth_mm = depth_of(target_depths_[t], tip);
       if (!depth_mm)
         came_deeper.reset();
       else if (!came_deeper)
         came_deeper = *depth_mm > exercise_.targets[t].depth_mm;
     }
+  }
 }
 
 bool ExerciseProgress::is_reached(std::size_t target, const Instruments& instruments) const {

@@ -322,7 +322,10 @@ bool is_at(const HubPose& hub, const HubPose& pose) {
 class Approach {
  public:
   Approach(const Script::Row& row, std::size_t instruments)
-      : row_(row), nearest_mm_(instruments, std::numeric_limits<double>::infinity()), since_s_(instruments) {}
+      : row_(row),
+        nearest_mm_(instruments, std::numeric_limits<double>::infinity()),
+        since_s_(instruments),
+        is_pushed_(instruments) {}
 
   bool is_over(const Instruments& instruments) const {
     for (std::size_t d = 0; d < instruments.count(); ++d)
@@ -336,14 +339,17 @@ class Approach {
     for (std::size_t d = 0; d < instruments.count(); ++d) {
       const double insertion_mm = instruments.pose(d).insertion_mm;
       const double left_mm = std::abs(row_.pose_of(d).insertion_mm - insertion_mm);
+      is_pushed_[d] = is_pushed_[d] || instruments.is_held(d);
       if (left_mm < nearest_mm_[d] - kNearer_mm || left_mm == 0) {
         nearest_mm_[d] = left_mm;
         since_s_[d] = time_s;
+        is_pushed_[d] = false;
       } else if (time_s - since_s_[d] > kLongest_s) {
-        throw InputError(
-            "{}: {} stops at {:.0f} of {:.0f} mm, where {:g} N do not push it further; begin with less",
-            where, instruments.rod(d).instrument().name(), insertion_mm, row_.pose_of(d).insertion_mm,
-            MovingHub::kMaxPush_N);
+        throw InputError("{}: {} stops at {:.0f} of {:.0f} mm{}; begin with less", where,
+                         instruments.rod(d).instrument().name(), insertion_mm, row_.pose_of(d).insertion_mm,
+                         is_pushed_[d]
+                             ? fmt::format(", where {:g} N do not push it further", MovingHub::kMaxPush_N)
+                             : std::string());
       }
     }
   }
@@ -351,6 +357,7 @@ class Approach {
  private:
   const Script::Row& row_;
   std::vector<double> nearest_mm_, since_s_;  ///< of each instrument
+  std::vector<bool> is_pushed_;               ///< against more than its hub pushes, since then
 };
 
 double pressure_interval_s(const Script& script) {

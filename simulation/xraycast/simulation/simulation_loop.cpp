@@ -123,7 +123,7 @@ void SimulationLoop::publish() {
     coil_changes_ = instruments_->coil_changes();
     std::vector<CoiledSac> coiled;
     for (const CoilPack& pack : instruments_->coil_packs())
-      coiled.push_back({pack.packing(), pack.wire_mm(), pack.coils()});
+      coiled.push_back({pack.packing(), pack.sum().wire_mm(), pack.coils()});
     next_.coiled = std::make_shared<const std::vector<CoiledSac>>(std::move(coiled));
   }
   publish(0, next_);

@@ -116,3 +116,57 @@ def test_scans_are_found_by_url(phantoms):
         assert identity_of("memory:///cohort/a.nrrd") != before
     finally:
         system.rm("/cohort", recursive=True)
+
+
+def test_a_folder_has_the_same_scans_by_url(tmp_path):
+    slices = b"\0" * 128 + b"DICM"
+    files = {"a.nrrd": b"", ".hidden.nrrd": b"", ".cache/b.nrrd": b"", "notes.txt": b"DICM", "one/1.2.840.1": slices, "one/more/2": slices,
+             "two/IM0001": slices, "two/three/c.nrrd": b"", "four/readme": b"", "four/d.nii.gz": b""}
+    system = fsspec.filesystem("memory")
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(content)
+        system.pipe(f"/cohort/{name}", content)
+    try:
+        local, remote = read_cohort(str(tmp_path)), read_cohort("memory://cohort")
+    finally:
+        system.rm("/cohort", recursive=True)
+    assert [scan.name for scan in local] == ["a.nrrd", "four/d.nii.gz", "one", "two"]
+    assert [scan.name for scan in remote] == [scan.name for scan in local]
+
+
+def test_slices_at_the_root_are_one_scan_of_its_name(tmp_path):
+    system = fsspec.filesystem("memory")
+    (tmp_path / "patient").mkdir()
+    (tmp_path / "patient" / "1.dcm").write_bytes(b"")
+    system.pipe("/patient/1.dcm", b"")
+    try:
+        assert [scan.name for scan in read_cohort("memory://patient")] == ["patient"]
+    finally:
+        system.rm("/patient", recursive=True)
+    assert [scan.name for scan in read_cohort(str(tmp_path / "patient"))] == ["patient"]
+
+
+def test_voxels_that_a_header_names_count(tmp_path):
+    (tmp_path / "scan.mhd").write_text("ElementDataFile = case7.raw\n")
+    (tmp_path / "stack.nhdr").write_text("data file: slice%03d.raw 1 2 1\n")
+    for name in ("case7.raw", "slice001.raw", "slice002.raw", "other.raw"):
+        (tmp_path / name).write_text("voxels")
+    headers = [str(tmp_path / name) for name in ("scan.mhd", "stack.nhdr")]
+    for changed, counts in ("case7.raw", [True, False]), ("slice002.raw", [False, True]), ("other.raw", [False, False]):
+        before = [identity_of(header) for header in headers]
+        (tmp_path / changed).write_text("other voxels")
+        assert [identity_of(header) != was for header, was in zip(headers, before)] == counts
+
+
+def test_a_folder_with_colons_is_no_url(tmp_path):
+    folder = tmp_path / "study::1"
+    folder.mkdir()
+    (folder / "a.nrrd").write_bytes(b"")
+    assert [scan.path for scan in read_cohort(str(folder))] == [str(folder / "a.nrrd")]
+
+
+def test_a_manifest_that_cannot_be_opened_says_why():
+    with pytest.raises(xc.InputError) as error:
+        read_cohort("s4://bucket/list.csv")
+    assert "Protocol not known" in str(error.value)

@@ -51,7 +51,8 @@ void FluoroscopyConsole::collimate(const std::optional<Collimation>& blades) {
   FluoroscopyOptions options = options_;
   options.collimation = blades;
   set_picture(std::move(options));
-  const bool is_within_mask = !mask_blades_ || (blades && blades->width_mm <= mask_blades_->width_mm &&
+  const bool is_within_mask = !mask_blades_ || (blades && blades->turn_rad == mask_blades_->turn_rad &&
+                                                blades->width_mm <= mask_blades_->width_mm &&
                                                 blades->height_mm <= mask_blades_->height_mm);
   if (subtracts_ && !is_within_mask) take_new_mask();
 }

@@ -155,7 +155,8 @@ double RunCine::opacified_tau(const VesselTree::Location& tip) const {
 
 /// So much later, at which the script has another time: the contrast agent's surface follows the
 /// instruments'.
-std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double later_s, double time_s) {
+std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, const std::vector<Surface>& left,
+                                          double later_s, double time_s) {
   std::vector<glm::dvec3> nodes_mm;
   std::vector<Surface> surfaces;
   for (std::size_t d = 0; d < instruments.count(); ++d) {
@@ -166,8 +167,8 @@ std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double
          instrument_surfaces(nodes_mm, instruments.rod(d).instrument(), treating_view(instruments, d)))
       surfaces.push_back(std::move(surface));
   }
-  add_stents(instruments, surfaces);
-  add_coils(instruments, surfaces);
+  surfaces.insert(surfaces.end(), left.begin(), left.end());
+  add_pushed_coils(instruments, surfaces);
   if (options_.picture.style.look != Look::fluoro) return surfaces;
   const std::vector<double> phases =
       later_s == 0 ? std::vector(instruments.phases().begin(), instruments.phases().end())
@@ -178,27 +179,18 @@ std::vector<Surface> RunCine::surfaces_of(const Instruments& instruments, double
   return surfaces;
 }
 
-/// Where the body shows them at the instant; a pulse does not blur them.
-void RunCine::add_in_body(const std::vector<DeviceTube>& tubes, const Instruments& instruments,
-                          std::vector<Surface>& surfaces) const {
-  for (Surface& surface : device_surfaces(tubes)) {
-    if (options_.body.motion && !instruments.phases().empty()) {
-      const HeldMotion held = options_.body.motion->held_at(instruments.phases());
-      for (glm::vec3& point_mm : surface.mesh.points_mm)
-        point_mm = glm::vec3(held.inverse_mm(glm::dvec3(point_mm)).x_mm);
-    }
-    surfaces.push_back(std::move(surface));
-  }
-}
-
-void RunCine::add_stents(const Instruments& instruments, std::vector<Surface>& surfaces) const {
+/// Stents, and the coils in sacs, where the body shows them at the instant; a pulse does not blur them.
+std::vector<Surface> RunCine::left_in_body(const Instruments& instruments) const {
+  std::vector<DeviceTube> tubes = laid_coil_tubes(instruments);
   for (const PlacedStent& stent : instruments.treatments().stents())
-    add_in_body(stent_tubes(stent, tree_), instruments, surfaces);
+    for (DeviceTube& tube : stent_tubes(stent, tree_)) tubes.push_back(std::move(tube));
+  if (options_.body.motion && !instruments.phases().empty())
+    move_into(options_.body.motion->held_at(instruments.phases()), tubes);
+  return device_surfaces(tubes);
 }
 
-/// Those in sacs, and those within their catheters.
-void RunCine::add_coils(const Instruments& instruments, std::vector<Surface>& surfaces) const {
-  add_in_body(laid_coil_tubes(instruments), instruments, surfaces);
+/// Those within their catheters.
+void RunCine::add_pushed_coils(const Instruments& instruments, std::vector<Surface>& surfaces) const {
   std::vector<glm::dvec3> nodes_mm;
   for (std::size_t d = 0; d < instruments.count(); ++d)
     if (const std::optional<PushedCoil> pushed = instruments.pushed_coil(d)) {
@@ -209,11 +201,12 @@ void RunCine::add_coils(const Instruments& instruments, std::vector<Surface>& su
 
 void RunCine::place(const Instruments& instruments, double time_s) {
   if (!instruments.phases().empty()) renderer_.set_phases(instruments.phases());
-  std::vector<Surface> surfaces = surfaces_of(instruments, 0, time_s);
+  const std::vector<Surface> left = left_in_body(instruments);
+  std::vector<Surface> surfaces = surfaces_of(instruments, left, 0, time_s);
   if (blur_.is_on()) {
     const double from_middle_s = blur_.from_middle_s();
-    surfaces = seen_by_pulse(surfaces_of(instruments, -from_middle_s, time_s), std::move(surfaces),
-                             surfaces_of(instruments, from_middle_s, time_s), blur_.pixel_mm);
+    surfaces = seen_by_pulse(surfaces_of(instruments, left, -from_middle_s, time_s), std::move(surfaces),
+                             surfaces_of(instruments, left, from_middle_s, time_s), blur_.pixel_mm);
   }
   if (surfaces.size() != placed_) renderer_.set_surfaces(surfaces);
   for (std::size_t s = 0; s < surfaces.size() && surfaces.size() == placed_; ++s)

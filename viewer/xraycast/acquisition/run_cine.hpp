@@ -77,11 +77,10 @@ class RunCine {
   bool takes_frame(const Instruments& instruments, double time_s);
   bool is_exposed(double time_s);
   void note_r_wave(double time_s);
-  std::vector<Surface> surfaces_of(const Instruments& instruments, double later_s, double time_s);
-  void add_stents(const Instruments& instruments, std::vector<Surface>& surfaces) const;
-  void add_coils(const Instruments& instruments, std::vector<Surface>& surfaces) const;
-  void add_in_body(const std::vector<DeviceTube>& tubes, const Instruments& instruments,
-                   std::vector<Surface>& surfaces) const;
+  std::vector<Surface> left_in_body(const Instruments& instruments) const;
+  std::vector<Surface> surfaces_of(const Instruments& instruments, const std::vector<Surface>& left,
+                                   double later_s, double time_s);
+  void add_pushed_coils(const Instruments& instruments, std::vector<Surface>& surfaces) const;
   void place(const Instruments& instruments, double time_s);
   void remember(const Instruments& instruments, double time_s);
 

@@ -171,6 +171,11 @@ std::vector<DeviceTube> laid_coil_tubes(const Instruments& instruments) {
   return tubes;
 }
 
+void move_into(const HeldMotion& body, std::vector<DeviceTube>& tubes) {
+  for (DeviceTube& tube : tubes)
+    for (VesselPoint& point : tube.points) point.position_mm = body.inverse_mm(point.position_mm).x_mm;
+}
+
 DeviceTube pushed_coil_tube(const PushedCoil& coil, const std::vector<glm::dvec3>& around_mm) {
   constexpr double kStep_mm = 3;
   DeviceTube tube{.matter = DeviceMatter::platinum};

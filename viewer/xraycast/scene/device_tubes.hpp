@@ -4,6 +4,7 @@
 #include "xraycast/coaxial/placed_stent.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mechanics/instrument_model.hpp"
+#include "xraycast/motion/motion.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -55,6 +56,9 @@ DeviceTube coil_tube(const LaidCoil& coil, const std::optional<glm::dvec3>& hang
 
 /// Of all coils in sacs, as they lie there now; in the scan.
 std::vector<DeviceTube> laid_coil_tubes(const Instruments& instruments);
+
+/// Where a body that is held shows tubes of the scan. They keep their radii.
+void move_into(const HeldMotion& body, std::vector<DeviceTube>& tubes);
 
 /// What of a coil is still within the instrument around it, along the nodes of that.
 DeviceTube pushed_coil_tube(const PushedCoil& coil, const std::vector<glm::dvec3>& around_mm);

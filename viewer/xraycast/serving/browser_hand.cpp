@@ -21,7 +21,7 @@ class HandMessage {
 
   bool is_good() const { return is_good_; }
 
-  double number(const char* name, double low, double high, double otherwise) {
+  double number(const std::string& name, double low, double high, double otherwise) {
     const auto field = find(name);
     if (field == json_.end()) return otherwise;
     const double value = field->is_number() ? field->get<double>() : std::nan("");
@@ -125,7 +125,7 @@ class HandMessage {
       if (value.is_boolean())
         hold.is_held = value.get<bool>();
       else
-        hold.phase = message.number(mode.c_str(), 0, 1, 0);
+        hold.phase = message.number(mode, 0, 1, 0);
     }
     if (!message.is_good()) is_good_ = false;
     return holds;
@@ -144,7 +144,7 @@ class HandMessage {
     return found;
   }
 
-  nlohmann::json::const_iterator find(const char* name) const {
+  nlohmann::json::const_iterator find(const std::string& name) const {
     return json_.is_object() ? json_.find(name) : json_.end();
   }
 

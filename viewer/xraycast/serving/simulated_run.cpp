@@ -71,16 +71,15 @@ void SimulatedRun::update() {
   for (std::size_t d = 0; d < now_->count(); ++d) before_mm_[d] = now_->instrument(d).nodes_mm;
   now_ = &loop_.snapshot();
   passed_s_ = now_->time_s - before_s;
-  const double passed_s = now_->time_s - before_s;
-  if (passed_s <= 0) return;
+  if (passed_s_ <= 0) return;
 
   if (now_->treated != treated_) take_vessels();
   if (now_->coiled != coiled_ || has_attached_coil()) take_coils();
   const double injection_ml_s = now_->agent_outlet ? injection_ml_s_ : 0;
   bolus_.flow().fill(fillings());
-  bolus_.step(passed_s, location_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s,
+  bolus_.step(passed_s_, location_of(now_->instrument(now_->agent_outlet.value_or(0)).tip), injection_ml_s,
               Injection{}.agent_mg_ml, particles_.through(now_->agent_lumen_mm));
-  injected_ml_ += passed_s * injection_ml_s;
+  injected_ml_ += passed_s_ * injection_ml_s;
   std::vector<InstrumentTip> tips;
   for (std::size_t d = 0; d < now_->count(); ++d) tips.push_back(now_->instrument(d).tip);
   pressures_.add(now_->time_s, bolus_.flow(), tips);
@@ -155,10 +154,7 @@ void SimulatedRun::take_coils() {
 /// Where the body shows them now.
 std::vector<DeviceTube> SimulatedRun::moved_coils() const {
   std::vector<DeviceTube> moved = coils_;
-  if (!motion_ || now_->phases.empty()) return moved;
-  const HeldMotion held = motion_->held_at(now_->phases);
-  for (DeviceTube& tube : moved)
-    for (VesselPoint& point : tube.points) point.position_mm = held.inverse_mm(point.position_mm).x_mm;
+  if (motion_ && !now_->phases.empty()) move_into(motion_->held_at(now_->phases), moved);
   return moved;
 }
 
