@@ -146,25 +146,24 @@ double SegmentIndex::Nearest::radius_mm() const {
 }
 
 SegmentIndex::Nearest SegmentIndex::deepest(const glm::dvec3& point_mm) const {
-  // The nearest is deep already.
-  const Nearest start = nearest(point_mm);
-  const Segment* best = &start.segment;
-  Foot best_foot{start.fraction, squared(start.distance_mm)};
-  double best_out_mm = start.out_mm();
-  const auto is_deeper = [&](const Node& node) {
-    const double within_mm = best_out_mm + node.max_radius_mm;
-    return within_mm > 0 &&
-           squared_distance_to_box(point_mm, node.lower_mm, node.upper_mm) < squared(within_mm);
+  const Segment* best = nullptr;
+  Foot best_foot{};
+  double best_out_mm = std::numeric_limits<double>::infinity();
+  const auto squared_mm = [&](std::uint32_t node) {
+    return squared_distance_to_box(point_mm, nodes_[node].lower_mm, nodes_[node].upper_mm);
   };
   Stack<std::uint32_t> waiting;
   waiting.push(0);
   while (!waiting.empty()) {
     const std::uint32_t index = waiting.pop();
     const Node& node = nodes_[index];
-    if (!is_deeper(node)) continue;
-    if (node.count == 0) {
-      waiting.push(node.first);
-      waiting.push(index + 1);
+    const double within_mm = best_out_mm + node.max_radius_mm;
+    if (within_mm <= 0 || squared_mm(index) >= squared(within_mm)) continue;
+    if (node.count == 0) {  // the nearer child on top
+      std::uint32_t near = index + 1, far = node.first;
+      if (squared_mm(far) < squared_mm(near)) std::swap(near, far);
+      waiting.push(far);
+      waiting.push(near);
       continue;
     }
     for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {

@@ -42,6 +42,7 @@ struct EditedFolder {
   std::optional<Volume> scan = {};
   double noise_hu = 0;  ///< of the scan
   std::vector<std::string> notes = {};
+  Progress& progress;
 };
 
 // ---- surfaces of trees ----------------------------------------------------------------------------------
@@ -74,7 +75,7 @@ double plaque_hu(PlaqueKind plaque) {
 /// Before the lumen changes.
 void change_scan_of(EditedFolder& folder, const ScanChange& change) {
   if (!folder.scan) return;
-  const ScanMatch match = change_scan(*folder.scan, *folder.lumen, change, folder.noise_hu);
+  const ScanMatch match = change_scan(*folder.scan, *folder.lumen, change, folder.noise_hu, folder.progress);
   if (match.lumen_hu - match.tissue_hu < 3 * folder.noise_hu)
     folder.notes.push_back(fmt::format(
         "`scan`: vessels of {:.0f} HU hardly stand out of {:.0f} HU around them, so lesions hardly show",
@@ -102,9 +103,12 @@ void change_scan_by(EditedFolder& folder, const WallChange& change, std::optiona
 
 void change_walls(EditedFolder& folder, const WallChange& change) {
   if (change.is_empty()) return;
+  folder.progress.begin("moving walls", 1, "surfaces");
   folder.surface = moved_surface(folder.surface, change);
   if (folder.lumen)
-    change_lumen(*folder.lumen, change.box_mm(), [&](const glm::dvec3& p) { return change.source(p); });
+    change_lumen(
+        *folder.lumen, change.box_mm(), [&](const glm::dvec3& p) { return change.source(p); },
+        folder.progress);
   folder.tree = change.after();
 }
 
@@ -119,22 +123,32 @@ BoxMm box_of(const VesselTree& tree, const std::vector<bool>& counts) {
   return {lower, upper};
 }
 
+double widest_of(const VesselTree& tree, const std::vector<bool>& counts) {
+  double widest_mm = 0;
+  for (std::size_t b = 0; b < counts.size(); ++b)
+    if (counts[b])
+      for (const VesselPoint& point : tree.branches()[b].points)
+        widest_mm = std::max(widest_mm, point.radius_mm);
+  return widest_mm;
+}
+
 void remove_branches(EditedFolder& folder, const std::vector<bool>& is_removed) {
+  folder.progress.begin("removing branches", 1, "surfaces");
   if (piece_count(folder.surface) > 1) folder.surface = one_wall(folder.surface, folder.tree);
   folder.surface = without_branches(folder.surface, folder.tree, is_removed);
   std::vector<bool> is_kept = is_removed;
   is_kept.flip();
   const TubePlaces kept(folder.tree, is_kept), removed(folder.tree, is_removed);
+  const double widest_mm = widest_of(folder.tree, is_removed);
   const auto source = [&](const glm::dvec3& p) {
     const TubePlace place = removed.deepest(p);
-    const double far_mm = place.out_mm - place.radius_mm - 1;
-    const bool is_lost = far_mm < 0 && place.out_mm < kept.deepest(p).out_mm;
+    const bool is_lost = place.out_mm < place.radius_mm + 1 && place.out_mm < kept.deepest(p).out_mm;
     return LumenSource{.kind = is_lost ? LumenSource::Kind::empty : LumenSource::Kind::same,
-                       .out_mm = far_mm};
+                       .out_mm = place.out_mm - widest_mm - 1};
   };
   const BoxMm box_mm = box_of(folder.tree, is_removed);
   change_scan_of(folder, {.box_mm = box_mm, .source = source, .wall_hu = {}});
-  if (folder.lumen) change_lumen(*folder.lumen, box_mm, source);
+  if (folder.lumen) change_lumen(*folder.lumen, box_mm, source, folder.progress);
   folder.tree = without_branches(folder.tree, is_removed);
 }
 
@@ -152,6 +166,7 @@ SacBall ball_of(const PlacedSac& sac, const VesselTree& given, const EditedFolde
 
 /// Adds an aneurysm; its lesion has no place yet.
 Lesion add_sac(EditedFolder& folder, const PlacedSac& sac, const VesselTree& given) {
+  folder.progress.begin("adding an aneurysm", 1, "surfaces");
   const SacBall ball = ball_of(sac, given, folder);
   std::optional<Mesh> surface = with_sac(folder.surface, ball);
   if (!surface) surface = with_sac(one_wall(folder.surface, folder.tree), ball);
@@ -170,7 +185,7 @@ Lesion add_sac(EditedFolder& folder, const PlacedSac& sac, const VesselTree& giv
                        .out_mm = out_mm};
   };
   change_scan_of(folder, {.box_mm = box_mm, .source = source, .wall_hu = {}});
-  if (folder.lumen) change_lumen(*folder.lumen, box_mm, source);
+  if (folder.lumen) change_lumen(*folder.lumen, box_mm, source, folder.progress);
   const TubePlace host = TubePlaces(folder.tree).deepest(ball.wall_mm);
   TreeWithSac edited = with_sac(folder.tree, ball, sac.neck_mm);
   folder.tree = std::move(edited.tree);
@@ -226,9 +241,10 @@ void scale_all(EditedFolder& folder, std::vector<Lesion>& lesions, double factor
   for (glm::vec3& point_mm : folder.surface.points_mm) point_mm = place(point_mm);
   if (folder.lumen) {
     const VolumeGeometry& grid = folder.lumen->mask.geometry;
-    change_lumen(*folder.lumen, {grid.lower_mm(), grid.upper_mm()}, [&](const glm::dvec3& p) {
+    const auto source = [&](const glm::dvec3& p) {
       return LumenSource{.kind = LumenSource::Kind::other, .from_mm = fixed_mm + (p - fixed_mm) / factor};
-    });
+    };
+    change_lumen(*folder.lumen, {grid.lower_mm(), grid.upper_mm()}, source, folder.progress);
   }
   for (Lesion& lesion : lesions) {
     lesion.place_mm = place(lesion.place_mm);
@@ -287,7 +303,11 @@ VoxelLumen lumen_within(const Mesh& surface, const VesselTree& tree, const Volum
 EditedFolder opened(const std::filesystem::path& input, std::optional<Volume> scan, Progress& progress) {
   VesselFolder given = read_vessel_folder(input, progress);
   Mesh surface = given.surface ? std::move(*given.surface) : one_wall(tube_mesh(given.tree), given.tree);
-  EditedFolder folder{std::move(given.tree), std::move(surface), std::move(given.lumen), std::move(scan)};
+  EditedFolder folder{.tree = std::move(given.tree),
+                      .surface = std::move(surface),
+                      .lumen = std::move(given.lumen),
+                      .scan = std::move(scan),
+                      .progress = progress};
   if (!folder.scan) return folder;
   folder.noise_hu = measure_noise_hu(*folder.scan);
   if (folder.lumen)
@@ -343,16 +363,11 @@ EditedVessels edit_vessels(const EditRequest& request, std::optional<Volume> sca
     throw InputError("`scale` {},{:g} does not apply to `scan`, whose body stays as large; leave one out",
                      ScaleEdit::kSize, placed.scales.size);
 
-  progress.begin("editing", 4, "steps");
   std::vector<Lesion> lesions = narrow_and_widen(folder, placed, given);
-  progress.advance();
   if (placed.removes_any()) remove_branches(folder, placed.is_removed);
-  progress.advance();
   add_sacs(folder, placed.sacs, given, request.edits.aneurysms.size(), edits, lesions);
-  progress.advance();
   if (placed.scales.size != 1) scale_all(folder, lesions, placed.scales.size);
   place_lesions(lesions, folder.tree);
-  progress.advance();
 
   const bool has_mask = folder.lumen.has_value();
   VoxelLumen lumen = has_mask ? std::move(*folder.lumen) : lumen_within(folder.surface, folder.tree, nullptr);

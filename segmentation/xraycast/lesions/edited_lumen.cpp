@@ -1,5 +1,6 @@
 #include "xraycast/lesions/edited_lumen.hpp"
 
+#include "xraycast/base/parallel.hpp"
 #include "xraycast/mask/trilinear.hpp"
 
 #include <glm/common.hpp>
@@ -130,8 +131,28 @@ class VoxelQuestion {
 
 }  // namespace
 
-void change_lumen(VoxelLumen& lumen, const BoxMm& box_mm,
-                  const std::function<LumenSource(const glm::dvec3& point_mm)>& source) {
+std::vector<Box> changing_blocks(const VolumeGeometry& grid, const Box& box, const AskSource& source) {
+  constexpr std::int64_t kAcross = 8;
+  const Index3 blocks = (box.upper - box.lower + Index3(kAcross - 1)) / Index3(kAcross);
+  std::vector<std::vector<Box>> layers(static_cast<std::size_t>(blocks.z));
+  parallel_for(blocks.z, [&](std::int64_t z) {
+    for (std::int64_t y = 0; y < blocks.y; ++y)
+      for (std::int64_t x = 0; x < blocks.x; ++x) {
+        const Index3 lower = box.lower + Index3(kAcross) * Index3(x, y, z);
+        const Box block{lower, glm::min(lower + Index3(kAcross), box.upper)};
+        const glm::dvec3 across(block.upper - block.lower);
+        const LumenSource middle = source(grid.to_world_mm(glm::dvec3(lower) + 0.5 * (across - 1.0)));
+        const double half_diagonal_mm = 0.5 * glm::length(grid.spacing_mm * across);
+        if (middle.kind != LumenSource::Kind::same || middle.out_mm <= half_diagonal_mm)
+          layers[static_cast<std::size_t>(z)].push_back(block);
+      }
+  });
+  std::vector<Box> changing;
+  for (const std::vector<Box>& layer : layers) changing.insert(changing.end(), layer.begin(), layer.end());
+  return changing;
+}
+
+void change_lumen(VoxelLumen& lumen, const BoxMm& box_mm, const AskSource& source, Progress& progress) {
   const VolumeGeometry& grid = lumen.mask.geometry;
   const Box box = voxels_of(grid, box_mm);
   if (box.empty()) return;
@@ -139,21 +160,26 @@ void change_lumen(VoxelLumen& lumen, const BoxMm& box_mm,
     std::size_t at;
     std::uint8_t mask, fill;
   };
-  std::vector<std::vector<Changed>> slices(static_cast<std::size_t>(box.upper.z - box.lower.z));
+  const std::vector<Box> blocks = changing_blocks(grid, box, source);
+  std::vector<std::vector<Changed>> all_changed(blocks.size());
+  progress.begin("editing the mask", std::ssize(blocks), "blocks");
   const auto places = places_in_voxel();
-  for_each_voxel(box, [&](const Index3& voxel) {
-    const VoxelQuestion question(lumen, voxel, source);
-    const std::optional<Content> even = question.even_content(),
-                                 content = even ? even : question.changed_content(places);
-    const std::size_t at = lumen.mask.offset(voxel);
-    if (!content) return;
-    const Changed changed{at, content->mask >= 0.5 ? std::uint8_t{1} : std::uint8_t{0},
-                          static_cast<std::uint8_t>(std::lround(content->fill))};
-    if (changed.mask != lumen.mask.voxels[at] || changed.fill != lumen.fill.fractions[at])
-      slices[static_cast<std::size_t>(voxel.z - box.lower.z)].push_back(changed);
+  parallel_for(std::ssize(blocks), [&](std::int64_t b) {
+    for_each_voxel_of(blocks[static_cast<std::size_t>(b)], [&](const Index3& voxel) {
+      const VoxelQuestion question(lumen, voxel, source);
+      const std::optional<Content> even = question.even_content(),
+                                   content = even ? even : question.changed_content(places);
+      const std::size_t at = lumen.mask.offset(voxel);
+      if (!content) return;
+      const Changed changed{at, content->mask >= 0.5 ? std::uint8_t{1} : std::uint8_t{0},
+                            static_cast<std::uint8_t>(std::lround(content->fill))};
+      if (changed.mask != lumen.mask.voxels[at] || changed.fill != lumen.fill.fractions[at])
+        all_changed[static_cast<std::size_t>(b)].push_back(changed);
+    });
+    progress.advance();
   });
-  for (const auto& slice : slices)
-    for (const Changed& changed : slice) {
+  for (const auto& in_block : all_changed)
+    for (const Changed& changed : in_block) {
       lumen.mask.voxels[changed.at] = changed.mask;
       lumen.fill.fractions[changed.at] = changed.fill;
     }

@@ -89,13 +89,13 @@ double fill_between(const VoxelLumen& lumen, const glm::dvec3& point_mm) {
   return trilinear(lumen.mask, lumen.fill.fractions, low, index - glm::dvec3(low)) / LumenFill::kFull;
 }
 
-Cover cover_of(const VoxelLumen& lumen, const ScanChange& change, const Part& part) {
+Cover cover_of(const VoxelLumen& lumen, const ScanChange& change, const Part& part, Progress& progress) {
   const VolumeGeometry& grid = lumen.mask.geometry;
   const double half_full = 0.5 * change.middle_fill;
-  Cover cover{Numbers(part.count()), Numbers(part.count())};
   const auto is_lumen = [&](const glm::dvec3& p) { return fill_between(lumen, p) >= half_full; };
-  for_each_voxel(part.box, [&](const Index3& voxel) {
-    int before = 0, after = 0;
+  // The share of a voxel's places that are lumen.
+  const auto share_of = [&](const Index3& voxel, const auto& counts) {
+    int count = 0;
     constexpr int kPlaces = kCoverAcross * kCoverAcross * kCoverAcross;
     for (int i = 0; i < kPlaces; ++i) {
       const glm::dvec3 place =
@@ -103,17 +103,27 @@ Cover cover_of(const VoxelLumen& lumen, const ScanChange& change, const Part& pa
            0.5) /
               double{kCoverAcross} -
           0.5;
-      const glm::dvec3 point_mm = grid.to_world_mm(glm::dvec3(voxel) + place);
-      const bool was = is_lumen(point_mm);
-      before += was ? 1 : 0;
-      const LumenSource from = change.source(point_mm);
-      using Kind = LumenSource::Kind;
-      after += from.kind == Kind::same    ? was
-               : from.kind == Kind::other ? is_lumen(from.from_mm)
-                                          : from.kind == Kind::full;
+      count += counts(grid.to_world_mm(glm::dvec3(voxel) + place)) ? 1 : 0;
     }
-    cover.before[part.at(voxel)] = static_cast<float>(before) / kPlaces;
-    cover.after[part.at(voxel)] = static_cast<float>(after) / kPlaces;
+    return static_cast<float>(count) / kPlaces;
+  };
+  const auto is_lumen_after = [&](const glm::dvec3& p) {
+    const LumenSource from = change.source(p);
+    using Kind = LumenSource::Kind;
+    return from.kind == Kind::same    ? is_lumen(p)
+           : from.kind == Kind::other ? is_lumen(from.from_mm)
+                                      : from.kind == Kind::full;
+  };
+  Cover cover{Numbers(part.count()), {}};
+  progress.begin("editing the scan", 1, "parts");
+  for_each_voxel(part.box, [&](const Index3& v) { cover.before[part.at(v)] = share_of(v, is_lumen); });
+  cover.after = cover.before;
+  const std::vector<Box> blocks = changing_blocks(grid, part.box, change.source);
+  progress.begin("editing the scan", std::ssize(blocks), "blocks");
+  parallel_for(std::ssize(blocks), [&](std::int64_t b) {
+    for_each_voxel_of(blocks[static_cast<std::size_t>(b)],
+                      [&](const Index3& v) { cover.after[part.at(v)] = share_of(v, is_lumen_after); });
+    progress.advance();
   });
   return cover;
 }
@@ -210,7 +220,8 @@ Part part_around(const VolumeGeometry& grid, const BoxMm& box_mm) {
 
 }  // namespace
 
-ScanMatch change_scan(Volume& scan, const VoxelLumen& lumen, const ScanChange& change, double noise_hu) {
+ScanMatch change_scan(Volume& scan, const VoxelLumen& lumen, const ScanChange& change, double noise_hu,
+                      Progress& progress) {
   const VolumeGeometry& grid = scan.geometry();
   const Part part = part_around(grid, change.box_mm);
   if (part.box.empty()) return {0, 0, 0};
@@ -221,7 +232,7 @@ ScanMatch change_scan(Volume& scan, const VoxelLumen& lumen, const ScanChange& c
         part.count() / 1'000'000, kMost / 1'000'000);
   Numbers hu(part.count());
   for_each_voxel(part.box, [&](const Index3& v) { hu[part.at(v)] = scan.at(v.x, v.y, v.z); });
-  const Cover cover = cover_of(lumen, change, part);
+  const Cover cover = cover_of(lumen, change, part, progress);
   const ScanMatch match = matched(hu, cover.before, part, grid.spacing_mm);
   const double wall_hu = change.wall_hu.value_or(match.tissue_hu);
   const glm::dvec3 blur_vox = match.blur_mm / grid.spacing_mm;

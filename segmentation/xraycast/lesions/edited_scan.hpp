@@ -17,7 +17,7 @@ struct ScanMatch {
 /// What is to be changed in a scan.
 struct ScanChange {
   BoxMm box_mm;
-  std::function<LumenSource(const glm::dvec3& point_mm)> source;
+  AskSource source;
   std::optional<double> wall_hu;  ///< of what takes the lumen's place; the tissue's without
   double middle_fill = 1;         ///< how full the vessels' middles are: less than 1 in thin ones
 };
@@ -27,6 +27,7 @@ struct ScanChange {
 /// after, is added, so that noise stays as it is and edges have the scan's own blur. Where new lumen
 /// displaces other structures these vanish, and of their voxels' values only what may be noise is kept, up to
 /// three standard deviations (`noise_hu`). Voxels that change by less than half a unit stay.
-ScanMatch change_scan(Volume& scan, const VoxelLumen& lumen, const ScanChange& change, double noise_hu);
+ScanMatch change_scan(Volume& scan, const VoxelLumen& lumen, const ScanChange& change, double noise_hu,
+                      Progress& progress);
 
 }  // namespace xraycast

@@ -234,7 +234,8 @@ LumenSource WallChange::source(const glm::dvec3& point_mm) const {
   const glm::dvec3 from_mm = both->before.position_mm + both->before.radius_mm / both->after.radius_mm *
                                                             (point_mm - both->after.position_mm);
   if (is_beyond(from_mm, both->before)) return {.kind = Kind::empty, .out_mm = place.out_mm};
-  return {.kind = from_mm == point_mm ? Kind::same : Kind::other, .from_mm = from_mm, .out_mm = place.out_mm};
+  if (from_mm == point_mm) return {};
+  return {.kind = Kind::other, .from_mm = from_mm, .out_mm = place.out_mm};
 }
 
 double WallChange::edge_mm(const glm::dvec3& point_mm) const {

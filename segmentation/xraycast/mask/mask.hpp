@@ -63,12 +63,22 @@ Mask crop(const Mask& mask, const Box& box);
 /// Puts `part`, cropped from `box`, back into a mask on the whole grid.
 void paste(const Mask& part, const Box& box, Mask& whole);
 
-/// Calls `visit(voxel)` for each voxel of a box, slices in parallel.
+/// Calls `visit(voxel)` for each voxel of a box, x fastest.
+template <typename Visit>
+void for_each_voxel_of(const Box& box, const Visit& visit) {
+  for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+      for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) visit(Index3(x, y, z));
+}
+
+/// The same, slices in parallel.
 template <typename Visit>
 void for_each_voxel(const Box& box, const Visit& visit) {
   parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
-    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
-      for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) visit(Index3(x, y, box.lower.z + i));
+    Box slice = box;
+    slice.lower.z += i;
+    slice.upper.z = slice.lower.z + 1;
+    for_each_voxel_of(slice, visit);
   });
 }
 
