@@ -228,92 +228,129 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
   return json;
 }
 
-void simulate(SimulateArguments options, Invocation& invocation) {
-  const std::optional<Exercise> exercise =
-      parse_exercise_option(*options.command, options.exercise, options.tree, options.run);
-  if (exercise) take_reference(*exercise, options.exercise, options.run);
+/// A run with all that was made while it went on.
+struct Simulated {
+  Run run;
+  HubSamples samples;
+  std::unique_ptr<Cine> cine;
+  std::optional<RunMonitor> monitor;  ///< of an exercise, and for a report
+  double wall_s = 0;
+};
+
+void check_outputs(const SimulateArguments& options) {
   check_writable(options.log);
   check_report_option(options.report);
   for (const fs::path& path : plots_of(options)) check_picture_name(path, "--plot " + path.string());
   if (!options.pressure_plot.empty())
     check_picture_name(options.pressure_plot, "--pressure-plot " + options.pressure_plot);
   check_cine(options);
+}
+
+RunRequest request_of(const SimulateArguments& options, const std::optional<Exercise>& exercise) {
   RunRequest request = parse_run(options.run, options.tree);
   request.blood = parse_heart(options.heart);
   if (exercise) apply(*exercise, options.run, request);
   request.injection = parse_injection(options.injection);
+  return request;
+}
+
+Simulated simulated(const SimulateArguments& options, const RunRequest& request,
+                    const std::optional<Exercise>& exercise, Invocation& invocation) {
+  const Stopwatch stopwatch;
+  Simulated done{.run = {}, .samples = HubSamples(*request.script), .cine = {}, .monitor = {}};
+  if (!options.cine.empty()) done.cine = std::make_unique<Cine>(options, request, invocation);
+  const bool is_monitored = exercise || !options.report.empty();
+  RunUse use;
+  done.run = xraycast::run(request, invocation.progress,
+                           [&](const Instruments& moved, double time_s, const InstrumentPressures& blood) {
+                             if (!options.plot.empty()) done.samples.record(moved, time_s);
+                             if (done.cine) done.cine->advance(moved, time_s);
+                             if (!is_monitored) return;
+                             use = with_blood(done.cine ? done.cine->use() : RunUse{}, request, blood);
+                             if (!done.monitor)
+                               done.monitor.emplace(moved, names_of(request.instruments),
+                                                    progress_of(exercise, *request.tree));
+                             else
+                               done.monitor->add(moved, use);
+                           });
+  done.wall_s = 1e-3 * stopwatch.ms();
+  if (done.monitor && !done.run.embolised.empty()) {
+    use.embolised = done.run.embolised;
+    done.monitor->use(use);
+  }
+  return done;
+}
+
+void write_outputs(const SimulateArguments& options, const RunRequest& request, Simulated& done) {
+  OutputSet outputs;
+  write_whole_file(options.log, to_csv(done.run));
+  const std::vector<fs::path> plots = plots_of(options);
+  for (std::size_t d = 0; d < plots.size(); ++d)
+    write_picture(hub_plot(request.instruments[d].name() + ": at the hub", done.samples.records(), d),
+                  plots[d]);
+  if (!options.pressure_plot.empty())
+    write_picture(pressure_plot(done.run, names_of(request.instruments)), options.pressure_plot);
+  if (done.cine) done.cine->finish();
+  if (!options.report.empty()) write_report(options.report, done.monitor->json(true));
+  outputs.commit();
+}
+
+Json json_of(const Simulated& done, const RunRequest& request, const SimulateArguments& options) {
+  Json json = json_of(done.run, request, options, done.wall_s);
+  if (done.cine && !done.cine->frame_of_reference().empty())
+    json["frame_of_reference"] = done.cine->frame_of_reference();
+  if (done.monitor) json["report"] = Json::parse(done.monitor->json(false));
+  for (const Embolised& embolised : done.run.embolised)
+    json["embolised"].push_back({{"branch", embolised.branch},
+                                 {"vessel", embolised.vessel},
+                                 {"particles", embolised.particles},
+                                 {"periphery_percent", 100 * embolised.open_share}});
+  if (const auto exposure = done.cine ? done.cine->exposure() : std::nullopt)
+    json["fluoroscope"] = to_json(*exposure);
+  if (!options.injection.times.empty()) {
+    json["injected_ml"] = done.run.injected_ml;
+    json["withheld_ml"] = done.run.withheld_ml;
+  }
+  return json;
+}
+
+/// What a run did besides, a line each: notes, exercise, treatments, dose, and the files.
+std::string lines_of(const Simulated& done, const RunRequest& request, const SimulateArguments& options) {
+  const Run& run = done.run;
+  std::string lines;
+  const auto add = [&](const std::string& line) { lines += line + "\n"; };
+  for (const std::string& note : run.notes) add(note);
+  if (done.monitor && done.monitor->progress()) add(in_words(*done.monitor->progress()));
+  for (const Treatment& treatment : run.treatments) add(in_words(treatment, *request.tree));
+  for (const Coiling& coiling : run.coilings) add(in_words(coiling));
+  constexpr std::size_t kMostShown = 12;
+  for (const Embolised& embolised : most_first(run.embolised, kMostShown)) add(in_words(embolised));
+  if (const auto exposure = done.cine ? done.cine->exposure() : std::nullopt) lines += summary(*exposure);
+  for (const fs::path& file : plots_of(options)) add(fmt::format("{}: written", file.string()));
+  for (const std::string& file : {options.pressure_plot, options.cine, options.report})
+    if (!file.empty()) add(fmt::format("{}: written", file));
+  return lines;
+}
+
+void simulate(SimulateArguments options, Invocation& invocation) {
+  const std::optional<Exercise> exercise =
+      parse_exercise_option(*options.command, options.exercise, options.tree, options.run);
+  if (exercise) take_reference(*exercise, options.exercise, options.run);
+  check_outputs(options);
+  const RunRequest request = request_of(options, exercise);
   invocation.say(check(request));
   if (request.body.motion) invocation.say(request.body.motion->warnings());
 
-  const Stopwatch stopwatch;
-  std::optional<Cine> cine;
-  if (!options.cine.empty()) cine.emplace(options, request, invocation);
-  HubSamples samples(*request.script);
-  const bool is_monitored = exercise || !options.report.empty();
-  std::optional<RunMonitor> monitor;
-  RunUse use;
-  const Run run = xraycast::run(
-      request, invocation.progress,
-      [&](const Instruments& moved, double time_s, const InstrumentPressures& blood) {
-        if (!options.plot.empty()) samples.record(moved, time_s);
-        if (cine) cine->advance(moved, time_s);
-        if (!is_monitored) return;
-        use = with_blood(cine ? cine->use() : RunUse{}, request, blood);
-        if (!monitor)
-          monitor.emplace(moved, names_of(request.instruments), progress_of(exercise, *request.tree));
-        else
-          monitor->add(moved, use);
-      });
-  const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
-  if (monitor && !run.embolised.empty()) {
-    use.embolised = run.embolised;
-    monitor->use(use);
-  }
-  OutputSet outputs;
-  write_whole_file(options.log, to_csv(run));
-  const std::vector<fs::path> plots = plots_of(options);
-  for (std::size_t d = 0; d < plots.size(); ++d)
-    write_picture(hub_plot(request.instruments[d].name() + ": at the hub", samples.records(), d), plots[d]);
-  if (!options.pressure_plot.empty())
-    write_picture(pressure_plot(run, names_of(request.instruments)), options.pressure_plot);
-  if (cine) cine->finish();
-  if (!options.report.empty()) write_report(options.report, monitor->json(true));
-  outputs.commit();
-
-  Json result = json_of(run, request, options, wall_s);
-  if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
-  std::string pictures;
-  for (const std::string& note : run.notes) pictures += note + "\n";
-  if (is_monitored) result["report"] = Json::parse(monitor->json(false));
-  if (exercise) pictures += in_words(*monitor->progress()) + "\n";
-  for (const Treatment& treatment : run.treatments) pictures += in_words(treatment, *request.tree) + "\n";
-  for (const Coiling& coiling : run.coilings) pictures += in_words(coiling) + "\n";
-  constexpr std::size_t kMostShown = 12;
-  for (const Embolised& embolised : most_first(run.embolised, kMostShown))
-    pictures += in_words(embolised) + "\n";
-  for (const Embolised& embolised : run.embolised) {
-    result["embolised"].push_back({{"branch", embolised.branch},
-                                   {"vessel", embolised.vessel},
-                                   {"particles", embolised.particles},
-                                   {"periphery_percent", 100 * embolised.open_share}});
-  }
-  if (const auto exposure = cine ? cine->exposure() : std::nullopt) {
-    result["fluoroscope"] = to_json(*exposure);
-    pictures += summary(*exposure);
-  }
-  if (!options.injection.times.empty()) {
-    result["injected_ml"] = run.injected_ml;
-    result["withheld_ml"] = run.withheld_ml;
-  }
-  for (const fs::path& file : plots) pictures += fmt::format("{}: written\n", file.string());
-  for (const std::string& file : {options.pressure_plot, options.cine, options.report})
-    if (!file.empty()) pictures += fmt::format("{}: written\n", file);
-  invocation.report(result,
-                    fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
-                                "entry: end of {}; {}\n{}",
-                                options.log, pluralize(run.records.size(), "row"), simulated_s, wall_s,
-                                simulated_s / std::max(wall_s, 1e-9), text_of(*request.tree, run.entry),
-                                text_of(run.last, *request.tree), pictures));
+  Simulated done = simulated(options, request, exercise, invocation);
+  write_outputs(options, request, done);
+  const double simulated_s = done.run.last[0].time_s;
+  invocation.report(
+      json_of(done, request, options),
+      fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
+                  "entry: end of {}; {}\n{}",
+                  options.log, pluralize(done.run.records.size(), "row"), simulated_s, done.wall_s,
+                  simulated_s / std::max(done.wall_s, 1e-9), text_of(*request.tree, done.run.entry),
+                  text_of(done.run.last, *request.tree), lines_of(done, request, options)));
 }
 
 }  // namespace

@@ -19,6 +19,7 @@
 #include <array>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
+#include <tuple>
 
 namespace xraycast::python {
 namespace {
@@ -56,7 +57,11 @@ Script script_of(const nb::object& script, std::size_t instruments) {
 Injection injection_of(const nb::object& times, double rate_ml_s, double iodine_mg_ml, double particles_mm) {
   Injection injection{.rate_ml_s = rate_ml_s, .agent_mg_ml = iodine_mg_ml, .particles = {particles_mm}};
   if (times.is_none()) {
-    if (particles_mm != 0) throw InputError("particles_mm {:g}: needs `inject` too", particles_mm);
+    const Injection usual;
+    for (const auto& [name, given, unused] : {std::tuple("particles_mm", particles_mm, 0.0),
+                                              std::tuple("injection_rate_ml_s", rate_ml_s, usual.rate_ml_s),
+                                              std::tuple("iodine_mg_ml", iodine_mg_ml, usual.agent_mg_ml)})
+      if (given != unused) throw InputError("{} {:g}: needs `inject` too", name, given);
     return injection;
   }
   const Numbers numbers = numbers_of(times, "inject");

@@ -100,8 +100,8 @@ nb::object hu_array(const nb::object& hu) {
       nb::cast<std::string>(dtype.attr("kind")) == "i" && nb::cast<int>(dtype.attr("itemsize")) == 2;
   if (nb::cast<int>(array.attr("ndim")) != 3 || !is_int16)
     throw InputError(
-        "hu: must be an int16 array of shape (z, y, x), not {} of shape {}; convert it by "
-        ".astype(numpy.int16)",
+        "hu: must be an int16 array of shape (z, y, x), not {} of shape {}; convert CT numbers by "
+        "numpy.nan_to_num(hu, nan=-1024).clip(-1024, 32767).astype(numpy.int16)",
         text_of(dtype), text_of(array.attr("shape")));
   if (nb::cast<std::size_t>(array.attr("size")) == 0)
     throw InputError("hu: is empty; give an array with voxels");

@@ -282,6 +282,9 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         self.observes_phases = observe_phases
         if observe_phases and (motion is None or body is not None):
             raise InputError("observe_phases: applies to a motion without a body; give a motion, or leave it out")
+        for name, value in ("ms", ms), ("max_push_mm", max_push_mm), ("max_turn_deg", max_turn_deg), ("max_steps", max_steps):
+            if not isinstance(value, numbers.Real) or not 0 < value < np.inf:
+                raise InputError(f"{name} {value!r}: must be a number above 0")
         self.target_given, self.ms, self.max_steps = target, ms, max_steps
         self.scale = np.array([max_push_mm, max_turn_deg])
         self.action_space = gymnasium.spaces.Box(-1, 1, (2 * len(self.models) + (1 if breath_hold else 0),), np.float32)

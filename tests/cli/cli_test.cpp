@@ -490,7 +490,7 @@ TEST_F(Cli, CompareDrawsMapTruthAndDifferenceSideBySide) {
   for (const char* name : {"few-000.png", "few-030.png", "many-000.png", "many-030.png"})
     EXPECT_TRUE(fs::exists(folder_ / "pictures" / name)) << name;
 
-  output_of("-q compare @/ct.nrrd @/few.exr --angles 100:100.0002:0.0001 --pictures @/close");
+  output_of("-q compare @/ct.nrrd @/few.exr --angles 100:100.0003:0.0001 --pictures @/close");
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_ / "close"), {}), 3);
 
   // Three pictures beside one another, with margins of 12 pixels, a title above and captions below.

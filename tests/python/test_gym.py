@@ -422,6 +422,13 @@ def test_the_example_steers_to_most_of_some_targets(tmp_path):
     assert sum(steps is not None for steps in reached) >= 3, reached
 
 
+@pytest.mark.parametrize("argument", ["ms", "max_push_mm", "max_turn_deg", "max_steps"])
+@pytest.mark.parametrize("value", [0, -1, float("nan"), "1"])
+def test_steps_and_moves_that_are_none_are_told(fork, argument, value):
+    with pytest.raises(xc.InputError, match=f"{argument} .*must be a number above 0"):
+        ReachTarget(fork, **{argument: value})
+
+
 def test_actions_and_targets_that_do_not_suit_are_told(fork):
     env = ReachTarget(fork, "guidewire-035-j", target=1)
     with pytest.raises(xc.InputError, match="call reset"):

@@ -287,7 +287,7 @@ def test_particles_embolise_what_lies_behind(tree):
     blocked = xc.simulate(tree, ["cobra-5f", "guidewire-035-j"], [(0, 30, 0, 40, 0), (1.5, 30, 0, 40, 0)], entry=0, inject=(0.2, 1.2), particles_mm=0.3)
     assert not blocked.embolised and "5.0 ml of contrast agent were not injected" in blocked.notes[-1]
     assert not xc.simulate(tree, ["cobra-5f"], script, entry=0, inject=(0.2, 1.2)).embolised
-    for arguments, message in [({"particles_mm": 0.3}, "needs inject too"), ({"inject": (1, 0.5)}, "must begin at 0 s or later"),
+    for arguments, message in [({"particles_mm": 0.3}, "needs inject too"), ({"injection_rate_ml_s": 2}, "injection_rate_ml_s 2: needs inject too"), ({"inject": (1, 0.5)}, "must begin at 0 s or later"),
                                ({"inject": 3}, "must be the times"), ({"inject": (0.2, 1), "particles_mm": 5}, "a diameter of 0.1 to 1.2 mm")]:
         with pytest.raises(xc.InputError, match=message):
             xc.simulate(tree, ["cobra-5f"], script, entry=0, **arguments)

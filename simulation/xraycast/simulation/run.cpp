@@ -298,6 +298,27 @@ std::vector<std::string> notes_on_coils(const Instruments& instruments) {
   return notes;
 }
 
+/// On balloons, stents and hubs that did not go on.
+std::vector<std::string> notes_on_waiting(const Run& run) {
+  std::vector<std::string> notes;
+  constexpr double kNoticed_s = 0.05;
+  if (run.not_inflated_s >= kNoticed_s)
+    notes.push_back(fmt::format(
+        "a balloon stayed folded for {:.1f} s, because it was not wholly beyond the introducer and "
+        "the instruments around it; advance it before it is inflated",
+        run.not_inflated_s));
+  if (run.not_released_s >= kNoticed_s)
+    notes.push_back(fmt::format(
+        "a stent stayed in its sheath for {:.1f} s, because it was not wholly beyond the introducer and the "
+        "instruments around it; advance it before the sheath is drawn back",
+        run.not_released_s));
+  if (run.held_s >= kNoticed_s)
+    notes.push_back(
+        fmt::format("the hub did not advance for {:.1f} s, because the push force would have exceeded {:g} N",
+                    run.held_s, MovingHub::kMaxPush_N));
+  return notes;
+}
+
 std::vector<std::string> notes_on_injection(const RunRequest& request, const InjectedVolume& injected) {
   constexpr double kNoticed_ml = 0.05;
   std::vector<std::string> notes;
@@ -525,8 +546,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
     instruments.step(poses, phases);
   };
   const Script::Row& first = script.rows().front();
-  Approach approach(first, instruments.count());
-  while (!approach.is_over(instruments)) {
+  for (Approach approach(first, instruments.count()); !approach.is_over(instruments);) {
     progress.check();
     move_to(first.time_s, phases_at(request.body, 0));
     approach.check(instruments, instruments.time_s(), script.where(0));
@@ -564,21 +584,7 @@ Run run(const RunRequest& request, Progress& progress, const RunListener& listen
   for (std::string& note : notes_on_coils(instruments)) run.notes.push_back(std::move(note));
   for (std::string& note : notes_on_injection(request, blood.injected()))
     run.notes.push_back(std::move(note));
-  constexpr double kNoticed_s = 0.05;
-  if (run.not_inflated_s >= kNoticed_s)
-    run.notes.push_back(fmt::format(
-        "a balloon stayed folded for {:.1f} s, because it was not wholly beyond the introducer and "
-        "the instruments around it; advance it before it is inflated",
-        run.not_inflated_s));
-  if (run.not_released_s >= kNoticed_s)
-    run.notes.push_back(fmt::format(
-        "a stent stayed in its sheath for {:.1f} s, because it was not wholly beyond the introducer and the "
-        "instruments around it; advance it before the sheath is drawn back",
-        run.not_released_s));
-  if (run.held_s >= kNoticed_s)
-    run.notes.push_back(
-        fmt::format("the hub did not advance for {:.1f} s, because the push force would have exceeded {:g} N",
-                    run.held_s, MovingHub::kMaxPush_N));
+  for (std::string& note : notes_on_waiting(run)) run.notes.push_back(std::move(note));
   return run;
 }
 
