@@ -265,10 +265,15 @@ void place_lesions(std::vector<Lesion>& lesions, const VesselTree& tree) {
     if (lesion.sac) is_vessel[static_cast<std::size_t>(lesion.sac->branch)] = false;
   const TubePlaces vessels(tree, is_vessel);
   for (Lesion& lesion : lesions) {
-    const TubePlace place = vessels.deepest(lesion.place_mm);
-    lesion.branch = place.branch;
-    lesion.at_mm = place.arc_length_mm(tree);
-    lesion.vessel = tree.title(place.branch);
+    if (lesion.sac) {  // which leaves the end of its vessel's first half
+      lesion.branch = tree.branches()[static_cast<std::size_t>(lesion.sac->branch)].parent;
+      lesion.at_mm = tree.branches()[static_cast<std::size_t>(lesion.branch)].arc_length_mm.back();
+    } else {
+      const TubePlace place = vessels.deepest(lesion.place_mm);
+      lesion.branch = place.branch;
+      lesion.at_mm = place.arc_length_mm(tree);
+    }
+    lesion.vessel = tree.title(lesion.branch);
   }
 }
 

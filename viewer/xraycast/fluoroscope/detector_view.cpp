@@ -50,22 +50,28 @@ double opening_mm(double along_mm, double across_mm, double turn_rad) {
   return std::min(along_mm / std::max(cosine, kParallel), across_mm / std::max(sine, kParallel));
 }
 
+PictureSize size_in_pixels(const FluoroscopyDetector& detector, double pixel_mm) {
+  constexpr double kMost = 1e6;  // of a pixel that is tiny
+  const auto pixels = [&](double mm) { return static_cast<int>(std::clamp(mm / pixel_mm, 1.0, kMost)); };
+  return {pixels(detector.width_mm), pixels(detector.height_mm)};
+}
+
 }  // namespace
 
 DetectorView::DetectorView(const FluoroscopyOptions& options, const View& view)
     : size{view.width, view.height},
       pixel_mm(view.pixel_mm),
       field(field_of(options, view)),
-      measured(field, size) {
+      measured(field, size, size_in_pixels(options.c_arm.detector, view.pixel_mm)) {
   const FieldLimit limit(options);
   const Collimation blades = options.collimation.value_or(limit.sides);
-  // Without a zoom field and blades the beam is as large as the picture.
+  // Without a zoom field and blades the beam is as large as the picture, but no larger than the detector.
   const bool is_limited = options.field_mm > 0 || options.collimation;
   const FluoroscopyDetector& detector = options.c_arm.detector;
   const double width_mm =
-      is_limited ? std::min(limit.sides.width_mm, detector.width_mm) : view.width * view.pixel_mm;
+      std::min(detector.width_mm, is_limited ? limit.sides.width_mm : view.width * view.pixel_mm);
   const double height_mm =
-      is_limited ? std::min(limit.sides.height_mm, detector.height_mm) : view.height * view.pixel_mm;
+      std::min(detector.height_mm, is_limited ? limit.sides.height_mm : view.height * view.pixel_mm);
   constexpr double kCm2_per_mm2 = 0.01;
   open_area_cm2 = kCm2_per_mm2 * open_area_mm2(blades, width_mm, height_mm, limit.round_mm);
   beam_width_mm = std::min(width_mm, opening_mm(blades.width_mm, blades.height_mm, blades.turn_rad));

@@ -2,15 +2,18 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <algorithm>
+
 namespace xraycast {
 
-MeasuringField::MeasuringField(const PixelPlane& field, const PictureSize& size)
-    : first_row_((size.height + 3) / 4),
-      end_row_((3 * size.height + 3) / 4),
-      first_column_(size.width / 4),
-      end_column_(3 * size.width / 4),
-      every_(4),
-      bands_(static_cast<std::size_t>(size.bands())) {
+MeasuringField::MeasuringField(const PixelPlane& field, const PictureSize& size, const PictureSize& detector)
+    : every_(4), bands_(static_cast<std::size_t>(size.bands())) {
+  const int height = std::min(size.height, detector.height), width = std::min(size.width, detector.width);
+  const int above = (size.height - height) / 2, beside = (size.width - width) / 2;
+  first_row_ = above + (height + 3) / 4;
+  end_row_ = above + (3 * height + 3) / 4;
+  first_column_ = beside + width / 4;
+  end_column_ = beside + 3 * width / 4;
   if (pixels_in(field, size) > 0) return;
   first_row_ = first_column_ = 0;
   end_row_ = size.height;

@@ -5,13 +5,14 @@
 namespace xraycast {
 
 /// The pixels whose mean signal the exposure control follows, in every n-th row: those of the middle half of
-/// both sides that are in the open field, or where there is none all, by their share of the field. Pixels
-/// that the beam reaches with no body before them count only where the field has no others: they would
-/// blacken the body beside them.
+/// both sides of the picture, or of the detector where that is smaller, that are in the open field, or where
+/// there is none all, by their share of the field. Pixels that the beam reaches with no body before them
+/// count only where the field has no others: they would blacken the body beside them.
 class MeasuringField {
  public:
-  /// `field`: the share of the beam that reaches each pixel. Throws InputError where it reaches none.
-  MeasuringField(const PixelPlane& field, const PictureSize& size);
+  /// `field`: the share of the beam that reaches each pixel. `detector`: its size in the picture's pixels.
+  /// Throws InputError where the beam reaches no pixel.
+  MeasuringField(const PixelPlane& field, const PictureSize& size, const PictureSize& detector);
 
   /// Adds a row of the signal to its band's sums; bands on any threads. `left` is the share of the beam
   /// behind the body.
@@ -25,7 +26,7 @@ class MeasuringField {
   float weight(float field) const { return is_weighted_ ? field : field > 0.5f ? 1.0f : 0.0f; }
   double pixels_in(const PixelPlane& field, const PictureSize& size) const;
 
-  int first_row_, end_row_, first_column_, end_column_, every_;
+  int first_row_ = 0, end_row_ = 0, first_column_ = 0, end_column_ = 0, every_;
   bool is_weighted_ = false;
   struct Sum {
     double signal = 0, pixels = 0;
