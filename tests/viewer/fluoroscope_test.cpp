@@ -545,6 +545,31 @@ TEST(Fluoroscope, AirBesideABodyDoesNotTakeItsExposure) {
   }
 }
 
+TEST(Fluoroscope, APictureLargerThanTheDetectorDoesNotChangeExposureAndDose) {
+  // A body whose thin sides lie beyond the detector, as a trunk from the side in a large picture.
+  const auto seen = [&](double picture_mm) {
+    constexpr int kPixels = 128;
+    const double pixel_mm = picture_mm / kPixels;
+    const float thick = slab(22, 1)[0], thin = slab(3, 1)[0];
+    std::vector<float> tau(std::size_t{kPixels} * kPixels);
+    for (int i = 0; i < kPixels * kPixels; ++i)
+      tau[static_cast<std::size_t>(i)] =
+          std::abs(i % kPixels + 0.5 - 0.5 * kPixels) * pixel_mm < 100 ? thick : thin;
+    Fluoroscope fluoroscope(options_with("quanta"), square_view(pixel_mm, kPixels), ten_per_metre());
+    fluoroscope.settle(tau);
+    const Technique technique = fluoroscope.expose(tau).technique;
+    return std::pair(technique, fluoroscope.dose().dap_Gycm2 / fluoroscope.dose().air_kerma_mGy);
+  };
+  const FluoroscopyDetector& detector = options_with("quanta").c_arm.detector;
+  const auto [whole, area] = seen(std::min(detector.width_mm, detector.height_mm));
+  const auto [large, large_area] = seen(2 * std::max(detector.width_mm, detector.height_mm));
+  EXPECT_NEAR(large.kvp, whole.kvp, 1);
+  EXPECT_NEAR(large.mas, whole.mas, 0.05 * whole.mas) << "other pixels are measured";
+  const double longest = std::max(detector.width_mm, detector.height_mm),
+               shortest = std::min(detector.width_mm, detector.height_mm);
+  EXPECT_NEAR(large_area / area, longest / shortest, 0.01) << "the detector, of which the first is a square";
+}
+
 // ---- C-arms and options -------------------------------------------------------------------------------
 
 TEST(CArm, PresetsAreWholeAndFieldsSetTheView) {

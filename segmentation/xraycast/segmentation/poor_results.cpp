@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 
 namespace xraycast {
 
@@ -27,6 +28,37 @@ std::vector<std::string> poor_results(const Centrelines& centrelines, const Volu
         "vessel",
         name, branches, loops));
   return notes;
+}
+
+std::vector<std::string> wider_end(const VesselTree& tree, const std::string& name) {
+  constexpr double kWider = 1.4, kFromEnd_mm = 5;  // an end is round, or cut aslant
+  const auto width_mm = [&](const VesselBranch& branch, double at_mm) {
+    const auto at = std::ranges::lower_bound(branch.arc_length_mm, at_mm);
+    return 2 * branch
+                   .points[std::min(static_cast<std::size_t>(at - branch.arc_length_mm.begin()),
+                                    branch.points.size() - 1)]
+                   .radius_mm;
+  };
+  const VesselBranch& root = tree.branches()[static_cast<std::size_t>(tree.root())];
+  const double root_mm = width_mm(root, kFromEnd_mm);
+  double widest_mm = kWider * root_mm;
+  std::optional<std::size_t> widest;
+  for (std::size_t b = 0; b < tree.branches().size(); ++b) {
+    const VesselBranch& branch = tree.branches()[b];
+    const double end_mm = width_mm(branch, branch.arc_length_mm.back() - kFromEnd_mm);
+    if (!branch.children.empty() || branch.arc_length_mm.back() < 0.5 * end_mm || end_mm <= widest_mm) continue;
+    widest_mm = end_mm;
+    widest = b;
+  }
+  if (!widest) return {};
+  const glm::dvec3 &begin_mm = root.points.front().position_mm,
+                   &end_mm = tree.branches()[*widest].points.back().position_mm;
+  return {
+      fmt::format("{}: the tree begins at ({:.0f}, {:.0f}, {:.0f}) mm, where {} is {:.0f} mm wide; the end "
+                  "of {} at ({:.0f}, "
+                  "{:.0f}, {:.0f}) mm is {:.0f} mm wide: if blood comes in there, give it as `root_mm`",
+                  name, begin_mm.x, begin_mm.y, begin_mm.z, tree.title(tree.root()), root_mm,
+                  tree.title(static_cast<int>(*widest)), end_mm.x, end_mm.y, end_mm.z, widest_mm)};
 }
 
 std::vector<std::string> too_little(const VesselTree& tree, const VolumeGeometry& grid,

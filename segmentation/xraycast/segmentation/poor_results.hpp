@@ -18,4 +18,8 @@ std::vector<std::string> poor_results(const Centrelines& centrelines, const Volu
 std::vector<std::string> too_little(const VesselTree& tree, const VolumeGeometry& grid,
                                     const std::string& name);
 
+/// Of a tree whose root was not given: an end that is much wider than the root, or nothing. The heart's side
+/// of a scan is often cut there.
+std::vector<std::string> wider_end(const VesselTree& tree, const std::string& name);
+
 }  // namespace xraycast

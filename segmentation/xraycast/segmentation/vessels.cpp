@@ -164,6 +164,7 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
   if (has_mask) log.noise_hu = measure_noise_hu(volume);
   Centrelines centrelines = extract_centrelines(mask, name, progress, request.root_mm, &fill);
   std::ranges::move(poor_results(centrelines, volume.geometry(), name), std::back_inserter(notes));
+  if (!request.root_mm) std::ranges::move(wider_end(centrelines.tree, name), std::back_inserter(notes));
   if (request.is_automatic())
     std::ranges::move(too_little(centrelines.tree, volume.geometry(), name), std::back_inserter(notes));
   centrelines.tree = with_artery_names(centrelines.tree);

@@ -476,6 +476,23 @@ std::string text_of(const VesselTree& tree, const VesselEnd& end) {
                      side.empty() ? "" : ", on the patient's ", side);
 }
 
+/// Of a treatment beside the stenosis.
+std::string missed_in_words(const Treatment& treatment, const VesselTree& tree) {
+  constexpr double kNarrower = 0.9;
+  const double at_mm = treatment.middle_mm - treatment.off_narrowest_mm;
+  if (at_mm >= treatment.from_mm && at_mm <= treatment.to_mm) return "";
+  const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(treatment.branch)];
+  const auto found = std::ranges::lower_bound(branch.arc_length_mm, at_mm);
+  const std::ptrdiff_t point =
+      std::min(found - branch.arc_length_mm.begin(), std::ssize(branch.arc_length_mm) - 1);
+  const double there_mm = 2 * branch.points[static_cast<std::size_t>(point)].radius_mm;
+  if (there_mm >= kNarrower * treatment.least_before_mm) return "";
+  return fmt::format(
+      "; it was {:.0f} to {:.0f} mm along the vessel, but the narrowest place, {:.2f} mm, lies at "
+      "{:.0f} mm",
+      treatment.from_mm, treatment.to_mm, there_mm, at_mm);
+}
+
 std::string in_words(const Treatment& treatment, const VesselTree& tree) {
   constexpr double kPercent = 100;
   const std::string stent =
@@ -496,7 +513,7 @@ std::string in_words(const Treatment& treatment, const VesselTree& tree) {
              treatment.device, tree.title(treatment.branch), opened, treatment.least_before_mm,
              treatment.least_after_mm, treatment.reference_mm,
              no_negative_zero(kPercent * treatment.residual_stenosis(), 0)) +
-         stent + occluded;
+         missed_in_words(treatment, tree) + stent + occluded;
 }
 
 std::optional<RunRecord::Coil> coil_of(const Instruments& instruments, std::size_t d) {

@@ -1,5 +1,6 @@
 #include "xraycast/acquisition/run_cine.hpp"
 
+#include "xraycast/blood_flow/vessel_impedance.hpp"
 #include "xraycast/contrast_agent/agent_outlet.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
@@ -17,13 +18,11 @@ namespace xraycast {
 namespace {
 
 /// Of the point of the tree at a place or next beyond it.
-double radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
+double healthy_radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
   const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(place.branch)];
   const auto beyond = std::ranges::lower_bound(branch.arc_length_mm, place.arc_length_mm);
-  return branch
-      .points[static_cast<std::size_t>(
-          std::min(beyond - branch.arc_length_mm.begin(), std::ssize(branch.points) - 1))]
-      .radius_mm;
+  return healthy_radii_mm(branch)[static_cast<std::size_t>(
+      std::min(beyond - branch.arc_length_mm.begin(), std::ssize(branch.points) - 1))];
 }
 
 double pulse_s(const AcquisitionOptions& options) {
@@ -146,11 +145,12 @@ bool RunCine::is_before_injection(double time_s) const {
   return time_s <= options_.injection.from_s || acquisition_.mask_frames() == 0;
 }
 
-/// Across the vessel at the tip, filled with the agent as the blood dilutes it.
+/// Across the vessel at the tip, were it healthy, filled with the agent as the blood dilutes it: films before
+/// and after a treatment have one window.
 double RunCine::opacified_tau(const VesselTree::Location& tip) const {
   const Injection& injection = options_.injection;
   const double diluted = std::min(1.0, injection.rate_ml_s / bolus_.mean_flow_ml_s(tip.branch));
-  return 2 * radius_mm(tree_, tip) * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted);
+  return 2 * healthy_radius_mm(tree_, tip) * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted);
 }
 
 /// So much later, at which the script has another time: the contrast agent's surface follows the
