@@ -145,6 +145,27 @@ browser_test("pictures are those of render, from 12 sides in both looks and two 
   t.diagnostic(`lowest PSNR ${(await lowest_psnr_dB("page.html", "map.exr", { sizes: kSizes, looks: kLooks, views: kViews })).toFixed(1)} dB`);
 });
 
+browser_test("so are those beside the map's axis, to which the table goes with the pointer", async (t) => {
+  const { image } = JSON.parse(run("--json", "render", file("map.exr"), "-o", file("frame.png"), "--size", "640x480")), [x, y, z] = image.centre_mm;
+  run("render", file("map.exr"), "-o", file("frame.png"), "--vessels", file("truth"), "--angle", 30, "--size", "640x480", `--isocentre=${x + 40},${y - 20},${z + 30}`);
+  const opened = await open("page.html", "ui=0"), { page } = opened, wanted = PNG.sync.read(readFileSync(file("frame.png")));
+  await show(page, "lao=30&left=40&back=-20&table=30&ui=0");
+  const dB = psnr_dB(await picture_of(page), wanted);
+  t.diagnostic(`PSNR ${dB.toFixed(1)} dB`);
+  assert.ok(dB >= 40, `${dB.toFixed(1)} dB`);
+  await show(page, "ui=0");
+  await page.keyboard.down("Shift");
+  await page.mouse.move(300, 200);
+  await page.mouse.down();
+  await page.mouse.move(240, 220, { steps: 4 });
+  await page.mouse.up();
+  await page.keyboard.up("Shift");
+  await page.keyboard.press("l");
+  const fields = new URLSearchParams(new URL(page.url()).hash.slice(1)), left_mm = Number(fields.get("left"));
+  assert.ok(left_mm > 10 && Math.abs(left_mm / Number(fields.get("table")) - 3) < 0.05 && fields.get("back") === null, page.url());
+  await close(opened);
+});
+
 browser_test("so are those of circles and of 16-bit floats", async (t) => {
   const views = kViews.filter((_, i) => i % 3 === 1);
   t.diagnostic(`lowest PSNR ${(await lowest_psnr_dB("circles.html", "circles.exr", { sizes: [kSizes[0]], looks: kLooks, views })).toFixed(1)} dB`);
@@ -165,6 +186,7 @@ function write_session(name, { camera = {}, style = {}, ...changes } = {}) {
 const kNodes_mm = Array.from({ length: 60 }, (_, i) => [15 * Math.sin(i / 9), 15 * Math.cos(i / 9), 4 * i - 120]);
 const kSessions = {
   "tilted and zoomed": {},
+  "beside the axis": { camera: { across_mm: [30, -20], zoom: 3 } },
   "under a cone": { camera: { cone_mm: [780, 1200], tilt_deg: -15 } },
   "with a chosen grey window and weights of layers": {
     style: { strengths: [1, 0.5, 0, 2, 1, 1, 1, 1] }, window: { scale: 3, dark: 0.1, light: 0.9, gamma: 1.4, inverted: true },

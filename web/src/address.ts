@@ -35,6 +35,8 @@ export function state_of(hash: string, first: State, modes: readonly string[] = 
   state.pose.cranial_deg = number_in(fields, "cranial") ?? state.pose.cranial_deg;
   state.pose.zoom = number_in(fields, "zoom") ?? state.pose.zoom;
   state.pose.table_mm = number_in(fields, "table") ?? state.pose.table_mm;
+  state.pose.left_mm = number_in(fields, "left") ?? state.pose.left_mm;
+  state.pose.back_mm = number_in(fields, "back") ?? state.pose.back_mm;
   const look = fields.get("look");
   if (look === "fluoro" || look === "surface") state.look = look;
   state.time_s = number_in(fields, "t") ?? state.time_s;
@@ -79,6 +81,8 @@ export function hash_of(state: State, first: State, modes: readonly string[] = [
   add("cranial", ({ pose }) => short(pose.cranial_deg, 2));
   add("zoom", ({ pose }) => short(pose.zoom, 3));
   add("table", ({ pose }) => short(pose.table_mm, 1));
+  add("left", ({ pose }) => short(pose.left_mm, 1));
+  add("back", ({ pose }) => short(pose.back_mm, 1));
   add("look", ({ look }) => look);
   add("t", ({ time_s }) => time_text(time_s));
   add("inverted", ({ inverted }) => (inverted ? "1" : "0"));

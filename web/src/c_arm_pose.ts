@@ -7,6 +7,8 @@ export interface CArmPose {
   cranial_deg: number;
   zoom: number; // 1: the whole body fits
   table_mm: number; // the picture's centre above mid-height
+  left_mm: number; // and beside the map's axis, on the patient's left
+  back_mm: number; // and behind it
 }
 
 export interface PoseLimits {
@@ -22,6 +24,8 @@ export function limited(pose: CArmPose, bounds: Bounds, limits: PoseLimits): CAr
     cranial_deg: clamp(pose.cranial_deg, -limits.most_tilt_deg, limits.most_tilt_deg),
     zoom: clamp(pose.zoom, limits.least_zoom, limits.most_zoom),
     table_mm: clamp(pose.table_mm, -bounds.half_height_mm, bounds.half_height_mm),
+    left_mm: clamp(pose.left_mm, -bounds.radius_mm, bounds.radius_mm),
+    back_mm: clamp(pose.back_mm, -bounds.radius_mm, bounds.radius_mm),
   };
   const is_same = (Object.keys(within) as (keyof CArmPose)[]).every((field) => within[field] === pose[field]);
   return is_same ? pose : within;
@@ -40,5 +44,5 @@ export function view_of(pose: CArmPose, cone: Cone | null, bounds: Bounds, width
   };
   const fitted = fit === "tilted" ? view : { ...view, cranial_rad: 0 };
   const pixel_mm = fitting_pixel_mm(fitted, bounds) / pose.zoom;
-  return { ...view, centre_mm: [x, y, z + pose.table_mm], pixel_mm };
+  return { ...view, centre_mm: [x + pose.left_mm, y + pose.back_mm, z + pose.table_mm], pixel_mm };
 }

@@ -2,7 +2,7 @@
 import { dragged } from "./grey_window";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
-import type { Bounds } from "./view";
+import { Bounds, right_of } from "./view";
 
 const kDegreesPerPixel = 0.4;
 
@@ -63,16 +63,18 @@ export class PictureControls {
     const others = [...this.fingers.values()].filter((finger) => finger.pointerId !== event.pointerId);
     this.fingers.set(event.pointerId, event);
     const across = event.clientX - before.clientX, down = event.clientY - before.clientY;
-    if (others.length >= 2) this.pan(down / (others.length + 1));
+    if (others.length >= 2) this.pan(across / (others.length + 1), down / (others.length + 1));
     else if (others.length === 1) this.pinch(before, event, others[0]!, across, down);
     else if (event.buttons & 2) this.change_window(across, down);
-    else if (event.buttons & 4 || event.shiftKey) this.pan(down);
+    else if (event.buttons & 4 || event.shiftKey) this.pan(across, down);
     else this.turn(-kDegreesPerPixel * across, kDegreesPerPixel * down);
   }
 
-  private pan(down: number): void {
-    const view = this.picture.view(this.store.state);
-    this.travel((down * view.height * view.pixel_mm) / Math.max(1, this.stage.clientHeight));
+  /** The table goes with the pointer, in the picture's plane. */
+  private pan(across: number, down: number): void {
+    const view = this.picture.view(this.store.state), { pose } = this.store.state, [right_x, right_y] = right_of(view);
+    const mm = (view.height * view.pixel_mm) / Math.max(1, this.stage.clientHeight);
+    this.move_pose({ table_mm: pose.table_mm + mm * down, left_mm: pose.left_mm - mm * across * right_x, back_mm: pose.back_mm - mm * across * right_y });
   }
 
   /** Two fingers zoom by their distance and change the window by their middle. */

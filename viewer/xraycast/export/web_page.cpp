@@ -338,7 +338,9 @@ PageJson header_of(const ExportRequest& session, Parts& parts) {
   header["pose"] = {{"lao_deg", pose.lao_rad * kDegrees},
                     {"cranial_deg", pose.cranial_rad * kDegrees},
                     {"zoom", pose.zoom},
-                    {"table_mm", pose.table_mm}};
+                    {"table_mm", pose.table_mm},
+                    {"left_mm", pose.across_mm.x},
+                    {"back_mm", pose.across_mm.y}};
   header["cone"] = pose.cone ? PageJson{{"source_axis_mm", pose.cone->source_axis_mm},
                                         {"source_detector_mm", pose.cone->source_detector_mm}}
                              : PageJson();
