@@ -113,7 +113,8 @@ Coronary coronary_of(const std::string& name) {
     if (contains(name, part)) return Coronary::right;
   for (const std::string_view part : kLeftCoronaries)
     if (contains(name, part)) return Coronary::left;
-  if (std::ranges::find(kLeftCoronaryNames, name) != kLeftCoronaryNames.end()) return Coronary::left;
+  if (std::find(kLeftCoronaryNames.begin(), kLeftCoronaryNames.end(), name) != kLeftCoronaryNames.end())
+    return Coronary::left;
   return Coronary::none;
 }
 
