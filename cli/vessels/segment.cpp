@@ -231,8 +231,8 @@ void add_segment(CLI::App& app, Invocation& invocation) {
       ->type_name("MASK");
   command
       ->add_option("--root", options->root,
-                   "The tree's root is the vessel end nearest to this point, mm (LPS); without it, the end "
-                   "of the widest vessel")
+                   "The tree's root is the vessel end nearest to this point, mm (LPS); without it, the "
+                   "thickest end of a vessel that is much longer than wide")
       ->type_name("X,Y,Z");
   command
       ->add_option("--surface", options->surface,

@@ -143,8 +143,8 @@ void add_vessels(CLI::App& app, Invocation& invocation) {
       ->type_name("X,Y,Z");
   command
       ->add_option("--root", options->root,
-                   "The tree's root is the vessel end nearest to this point, mm (LPS); without it, the end "
-                   "of the widest vessel, or where centrelines start")
+                   "The tree's root is the vessel end nearest to this point, mm (LPS); without it, the "
+                   "thickest end of a vessel that is much longer than wide, or where centrelines start")
       ->type_name("X,Y,Z");
   command
       ->add_option("--triangles", options->triangles,

@@ -188,6 +188,11 @@ TEST(VectorImage, RefusesOtherImagesInOneLine) {
   NiftiFile four_dimensions = nifti(1007);
   four_dimensions.dim = {4, 4, 3, 2, 3, 1, 1, 1};
   const std::string whole = floats(small_image(), false);
+  std::string jacobian = fmt::format(kNrrd,
+                                     "sizes: 3 3 4 3 2\nkinds: vector vector domain domain domain\n"
+                                     "space directions: none none (5,0,0) (0,6,0) (0,0,7)\n",
+                                     "raw", "");
+  jacobian.replace(jacobian.find("dimension: 4"), 12, "dimension: 5");
   const std::tuple<const char*, std::string, const char*> all[] = {
       {"cut.nrrd", fmt::format(kNrrd, kFirst, "raw", "") + whole.substr(5), "truncated, 283 of 288 bytes"},
       {"scan.nrrd",
@@ -213,12 +218,7 @@ TEST(VectorImage, RefusesOtherImagesInOneLine) {
                    "raw", "") +
            whole,
        "stored between the rows; store them first or last"},
-      {"jacobian.nrrd",
-       fmt::format(kNrrd,
-                   "sizes: 3 3 4 3 2\nkinds: vector vector domain domain domain\n"
-                   "space directions: none none (5,0,0) (0,6,0) (0,0,7)\n",
-                   "raw", "") +
-           whole + whole + whole,
+      {"jacobian.nrrd", jacobian + whole + whole + whole,
        "two axes hold numbers of the same voxel, of 3 and 3"},
       {"four.nii", four_dimensions.bytes(),
        "4 dimensions of voxels; a field of vectors has three, and in a NIfTI"},

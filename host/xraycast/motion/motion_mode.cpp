@@ -155,9 +155,9 @@ bool MotionMode::is_same_phase(double a, double b) const {
 }
 
 std::optional<double> MotionMode::wait_s(double phase, double own_s, double rate) const {
-  constexpr double kRounding_s = 1e-9;
+  constexpr double kJustBefore_s = 1e-9;
   if (rate == 0) return is_same_phase(phase_at(own_s), phase) ? std::optional(0.0) : std::nullopt;
-  const std::optional<double> found_s = next_time_s(phase, own_s - kRounding_s * rate);
+  const std::optional<double> found_s = next_time_s(phase, own_s - kJustBefore_s * rate);
   if (!found_s) return {};
   return std::max(0.0, (*found_s - own_s) / rate);
 }

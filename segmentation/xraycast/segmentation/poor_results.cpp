@@ -46,7 +46,8 @@ std::vector<std::string> wider_end(const VesselTree& tree, const std::string& na
   for (std::size_t b = 0; b < tree.branches().size(); ++b) {
     const VesselBranch& branch = tree.branches()[b];
     const double end_mm = width_mm(branch, branch.arc_length_mm.back() - kFromEnd_mm);
-    if (!branch.children.empty() || branch.arc_length_mm.back() < 0.5 * end_mm || end_mm <= widest_mm) continue;
+    if (!branch.children.empty() || branch.arc_length_mm.back() < 0.5 * end_mm || end_mm <= widest_mm)
+      continue;
     widest_mm = end_mm;
     widest = b;
   }
