@@ -51,7 +51,7 @@ const kRun = { pictures: 151, step_s: 1 / 15, instruments: [] };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
 const session = ({ header = {}, ...more } = {}) => ({
   header: {
-    pose: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, look: "fluoro", window: null, greys: { gamma: 1, inverted: false }, layer_weights: [],
+    pose: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0, left_mm: 0, back_mm: 0 }, look: "fluoro", window: null, greys: { gamma: 1, inverted: false }, layer_weights: [],
     shows_vessels: false, shows_road_map: false, viewer: { presets: [], least_zoom: 0.25, most_zoom: 40, most_tilt_deg: 50 }, ...header,
   },
   map: { layers: 4, bounds: kBounds }, vessels: null, catheters: [], run: null, live: null, motion: null, ...more,
@@ -79,9 +79,9 @@ test("a run opens with most of its instruments in the body, wherever that is", (
 
 test("a link says what differs from the export, also where that is a usual value", () => {
   const window = { scale: 2, dark: 0.1, light: 0.9 }, greys = { gamma: 1.5, inverted: false };
-  const data = session({ header: { pose: { lao_deg: 30, cranial_deg: 10, zoom: 1.5, table_mm: 20 }, window, greys } });
+  const data = session({ header: { pose: { lao_deg: 30, cranial_deg: 10, zoom: 1.5, table_mm: 20, left_mm: 30, back_mm: -10 }, window, greys } });
   const { state } = opened(data);
-  const changed = { ...state, pose: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, window: null };
+  const changed = { ...state, pose: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0, left_mm: 0, back_mm: 0 }, window: null };
   assert.deepEqual(again(changed, data), changed);
   assert.equal(hash_of(state, first_state(data)), "#lao=30");
   assert.deepEqual(again(state, data), state);
@@ -125,7 +125,7 @@ test("what stays within the limits stays the same object", () => {
 });
 
 test("at zoom 1 the height fits in whole voxels, and tilting does not zoom but where the whole body is asked for", () => {
-  const pose = { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, pixel_mm = (pose, fit) => view_of(pose, null, kBounds, 480, 360, fit).pixel_mm;
+  const pose = { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0, left_mm: 0, back_mm: 0 }, pixel_mm = (pose, fit) => view_of(pose, null, kBounds, 480, 360, fit).pixel_mm;
   // 720 mm are 116 voxels of 6.24 mm.
   assert.ok(Math.abs(pixel_mm(pose, "untilted") - (116 * 6.24) / 360) < 1e-12);
   assert.equal(pixel_mm({ ...pose, cranial_deg: 30 }, "untilted"), pixel_mm(pose, "untilted"));
@@ -152,7 +152,7 @@ test("what is said for a moment does not end what holds", async () => {
 test("vessels without contrast agent are outlined all the same", () => {
   // A tetrahedron, its faces counter-clockwise from outside.
   const mesh = { points_mm: Float32Array.of(0, 0, 0, 80, 0, 0, 0, 80, 0, 0, 0, 80), triangles: Uint32Array.of(0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3) };
-  const view = view_of({ lao_deg: 10, cranial_deg: 0, zoom: 1, table_mm: 0 }, null, kBounds, 64, 48, "untilted");
+  const view = view_of({ lao_deg: 10, cranial_deg: 0, zoom: 1, table_mm: 0, left_mm: 0, back_mm: 0 }, null, kBounds, 64, 48, "untilted");
   const surface = (mu_per_mm) => ({ mesh, mu_per_mm, is_closed: true }), count = ({ tau }) => tau.filter((tau) => tau > 0).length;
   assert.equal(count(absorbed_by([surface(0)], view)), 0);
   assert.ok(count(covered_by(surface(0), view)) > 5);
@@ -175,7 +175,7 @@ function drums(...ranges) {
 }
 
 test("drums absorb by what they hold, and the larger where they overlap", () => {
-  const whole = drums([-20, 0], [-10, 10], [50, 60]), view = view_of({ lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, null, kBounds, 64, 48, "untilted");
+  const whole = drums([-20, 0], [-10, 10], [50, 60]), view = view_of({ lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0, left_mm: 0, back_mm: 0 }, null, kBounds, 64, 48, "untilted");
   const most = (surfaces) => Math.max(0, ...(absorbed_by(surfaces, view)?.tau ?? []));
   const near = (found, wanted) => assert.ok(Math.abs(found - wanted) < 1e-4, `${found}, not ${wanted}`); // of 32-bit floats
   near(most([filled(whole, [{ drum: 2, mg_ml: 100, ends_mm: [0, 0] }])]), 0.1 * 10);
@@ -464,7 +464,7 @@ function small_map(bands = [0]) {
 function sums(map, values, weights) {
   const sampler = new Sampler(map), columns = map.width + 1, run = 4 * Math.ceil(map.height / 4);
   sampler.set_weights(weights);
-  const view = view_of({ lao_deg: 20, cranial_deg: 0, zoom: 1, table_mm: 0 }, null, map.bounds, 32, 32, "untilted");
+  const view = view_of({ lao_deg: 20, cranial_deg: 0, zoom: 1, table_mm: 0, left_mm: 0, back_mm: 0 }, null, map.bounds, 32, 32, "untilted");
   const r = rectified_view(view, map, 1), { columns: table, samples } = sampler.samples_of(r, 3);
   const texel = (layer, column) => values[(layer * columns + column) * run] ?? 0;
   return Array.from({ length: r.columns }, (_, i) => {
