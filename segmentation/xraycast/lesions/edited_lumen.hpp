@@ -15,7 +15,8 @@ namespace xraycast {
 struct LumenSource {
   enum class Kind { same, full, empty, other } kind = Kind::same;
   glm::dvec3 from_mm{0, 0, 0};  ///< of other
-  /// Of a place that stays the same: so far around all does. 0 where that is not known.
+  /// Of a place that stays the same: so far around it all does; of any other how far it is out of the new
+  /// lumen. 0 where that is not known.
   double out_mm = 0;
 };
 using AskSource = std::function<LumenSource(const glm::dvec3& point_mm)>;

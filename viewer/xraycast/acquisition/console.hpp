@@ -23,8 +23,8 @@ class FluoroscopyConsole {
   void set(FluoroscopyOptions options);
 
   /// Other blades; none: they are open. Mask, angiogram and road map stay, but a mask that was taken behind
-  /// blades where there are none now. Throws as `check`, and for blades that leave no pixel open, and then
-  /// changes nothing.
+  /// blades which these do not lie within. Throws as `check`, and for blades that leave no pixel open, and
+  /// then changes nothing.
   void collimate(const std::optional<Collimation>& blades);
 
   /// Compression of the display's range, 0 to 1. What was taken stays. Throws as `check`.
