@@ -41,8 +41,7 @@ struct CastArguments {
 /// --centre vessels:DIR, X,Y, or X,Y,Z for a sphere.
 std::vector<double> parse_centre(const std::string& text, RayLayout ray_layout) {
   const std::string vessels = "vessels:";
-  if (text.starts_with(vessels))
-    return centre_of(read_tree(std::filesystem::path(text.substr(vessels.size())) / "tree.vtp"), ray_layout);
+  if (text.starts_with(vessels)) return centre_of(read_tree(text.substr(vessels.size())), ray_layout);
   std::vector<double> centre = parse_numbers(text, "--centre");
   if (centre.size() != 2 && (centre.size() != 3 || ray_layout != RayLayout::sphere))
     throw InputError("--centre {}: must be auto, vessels:DIR or X,Y in mm, and for a sphere also X,Y,Z",

@@ -70,6 +70,9 @@ void add_flow(nb::module_& module) {
           "pressure_ratio", ratios_of, kShared,
           "The mean pressure at each branch's end over the aorta's, (branches,) float64; at hyperaemia the "
           "fractional flow reserve.")
+      .def_prop_ro(
+          "notes", [](const HeldFlow& f) { return text_objects(f.cycle->notes); },
+          "On a root that is no place where blood enters a body, a line each.")
       .def(
           "write",
           [](const HeldFlow& f, const PathArgument& path) {

@@ -119,11 +119,11 @@ HeldVessels segmented(const HeldScan& scan, const nb::object& seeds, const nb::o
   });
 }
 
-void write_files(const HeldVessels& vessels, nb::handle folder, const nb::object& progress) {
+nb::list write_files(const HeldVessels& vessels, nb::handle folder, const nb::object& progress) {
   const std::filesystem::path path = path_of(folder);
-  run_job(progress, [&](Progress& reported) {
-    write_vessels(*vessels.found, vessels.scan, vessels.request.is_automatic(), path, reported);
-  });
+  return text_objects(result_of(progress, [&](Progress& reported) {
+    return write_vessels(*vessels.found, vessels.scan, vessels.request.is_automatic(), path, reported).notes;
+  }));
 }
 
 static_assert(sizeof(VesselPoint) == 4 * sizeof(double) && sizeof(glm::vec3) == 3 * sizeof(float));
@@ -328,10 +328,12 @@ void add_vessels(nb::module_& module) {
           "the longest branches: (rows, columns, 3) uint8. Without a scan, over black.")
       .def("write", write_files, nb::arg("folder"), nb::kw_only(), nb::arg("progress") = nb::none(),
            nb::sig("def write(self, folder: str | os.PathLike[str], *, progress: xraycast._progress.Listener "
-                   "| None = None) -> None"),
+                   "| None = None) -> list[str]"),
            "Writes mask.nrrd, lumen.nrrd, tree.vtp, tree.json, surface.vtp, surface.stl and, for a DICOM "
            "series, "
-           "mask.seg.dcm into a folder: all of them or none.")
+           "mask.seg.dcm into a folder: all of them or none. Returns what became of an earlier folder's "
+           "edited "
+           "names and files, a line each.")
       .def("__repr__", [](const HeldVessels& v) {
         return fmt::format("<xraycast.Vessels: {} branches>", v.found->centrelines.tree.branches().size());
       });

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <string>
 
@@ -24,7 +25,9 @@ Json json_of(const CycleFigures& figures) {
 }
 
 Json json_of(const FlowCycle& cycle, const VesselTree& tree) {
-  Json json{{"aortic_mmHg", json_of(figures_of(cycle.aortic_mmHg))}, {"vessels", Json::array()}};
+  Json json{{"aortic_mmHg", json_of(figures_of(cycle.aortic_mmHg))},
+            {"vessels", Json::array()},
+            {"notes", cycle.notes}};
   for (std::size_t b = 0; b < cycle.vessels.size(); ++b)
     json["vessels"].push_back({{"branch", b},
                                {"vessel", tree.branches()[b].name},
@@ -34,6 +37,15 @@ Json json_of(const FlowCycle& cycle, const VesselTree& tree) {
   return json;
 }
 
+/// Its title, with its number where other branches have the same.
+std::string told_apart(const VesselTree& tree, std::size_t branch) {
+  const std::vector<VesselBranch>& branches = tree.branches();
+  const std::string& name = branches[branch].name;
+  const auto count = std::ranges::count(branches, name, &VesselBranch::name);
+  return name.empty() || count == 1 ? tree.title(static_cast<int>(branch))
+                                    : fmt::format("{} (branch {})", name, branch);
+}
+
 std::string text_of(const FlowCycle& cycle, const VesselTree& tree) {
   const CycleFigures aorta = figures_of(cycle.aortic_mmHg);
   std::string text =
@@ -41,8 +53,8 @@ std::string text_of(const FlowCycle& cycle, const VesselTree& tree) {
   for (std::size_t b = 0; b < cycle.vessels.size(); ++b) {
     const CycleFigures flow = figures_of(cycle.vessels[b].ml_s), pressure = figures_of(cycle.vessels[b].mmHg);
     text += fmt::format("{}: {:.2f} ml/s, {:.0f}/{:.0f} mmHg, mean {:.0f}, {:.2f} of the aorta's\n",
-                        tree.title(static_cast<int>(b)), flow.mean, pressure.most, pressure.least,
-                        pressure.mean, cycle.pressure_ratio(b));
+                        told_apart(tree, b), flow.mean, pressure.most, pressure.least, pressure.mean,
+                        cycle.pressure_ratio(b));
   }
   return text;
 }
@@ -53,6 +65,7 @@ void flow(const FlowArguments& options, Invocation& invocation) {
                       parse_heart(options.heart)};
   if (options.hyperaemia) request.blood.coronary_resistance = kHyperaemia;
   const FlowCycle cycle = flow_cycle(request, invocation.progress);
+  invocation.say(cycle.notes);
   if (!options.table.empty()) {
     OutputSet outputs;
     write_whole_file(options.table, to_csv(cycle, *request.tree));

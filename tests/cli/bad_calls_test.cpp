@@ -321,7 +321,11 @@ const BadCall kBadCalls[] = {
     {"ScanForAMap", "render @/ct.nii -o @/out.png", 3, "not a body map; make one with `xraycast cast`"},
     {"MissingMap", "render @/gone.exr -o @/out.png", 3, "gone.exr: no such file; check its name"},
     {"FolderForATree", "simulate @/ --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
-     "no tree.vtp; give the one that `xraycast segment` wrote", make_push_and_tree},
+     "neither tree.vtp nor tree.json; give one that `xraycast segment` or `xraycast vessels` wrote",
+     [](const TemporaryFolder& f) {
+       make_push_and_tree(f);
+       fs::rename(f / "tree.json", f / "vessels.json");
+     }},
     {"DicomOfReportsOnly", "info @/cd", 3, "no image slices: 1 structured report",
      [](const TemporaryFolder& f) {
        fs::create_directory(f / "cd");

@@ -278,6 +278,10 @@ TEST(TreeFiles, AFolderIsReadByItsTree) {
   const VesselTree tree(bifurcation(), "tree");
   write_tree(tree, folder / "tree.vtp");
   expect_same(read_tree(folder / ""), tree);
+  std::filesystem::remove(folder / "tree.vtp");
+  EXPECT_TRUE(tree_file_in(folder / "").empty());
+  write_tree(tree, folder / "tree.json");
+  expect_same(read_tree(folder / ""), tree);
 }
 
 TEST(TreeFiles, VtpFollowsVmtk) {

@@ -10,8 +10,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
 #include <random>
+#include <vector>
 
 namespace xraycast::centreline_test {
 namespace {
@@ -292,6 +295,53 @@ TEST(Centrelines, OfARingEndWhereItIsCutAndNotInASpur) {
     if (glm::distance(p, at(0)) > 9) {
       EXPECT_NEAR(glm::distance(p, middle), 20, 1e-6);
     }
+}
+
+/// A wide vessel goes on beyond both sides of the scan. Noise has pitted its wall, and thinning leads its
+/// line into the corners between pits.
+TEST(Centrelines, OfAPittedVesselReachTheScansSides) {
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    std::mt19937 random(seed);
+    const auto uniform = [&](double low, double high) {
+      return std::uniform_real_distribution(low, high)(random);
+    };
+    const double radius = uniform(7, 11);
+    struct Pit {
+      glm::dvec3 middle;
+      double radius;
+    };
+    std::vector<Pit> pits;  // at both ends
+    for (int k = 0; k < 16; ++k) {
+      const double angle = uniform(0, 6.28), z = uniform(6, 22), from = radius + uniform(-1, 0.5);
+      pits.push_back({{20 + from * std::cos(angle), 20 + from * std::sin(angle), k % 2 == 0 ? z : 69 - z},
+                      uniform(2, 3.5)});
+    }
+    const Mask vessel = mask_where({.size = {40, 40, 70}}, [&](const glm::dvec3& p) {
+      return glm::length(glm::dvec2(p) - 20.0) < radius && std::ranges::none_of(pits, [&](const Pit& pit) {
+               return glm::distance(p, pit.middle) < pit.radius;
+             });
+    });
+    const VesselTree tree = extract_centrelines(vessel, "vessel").tree;
+    double lowest = 69, highest = 0;
+    for (const VesselBranch& branch : tree.branches())
+      for (const VesselPoint& point : branch.points) {
+        lowest = std::min(lowest, point.position_mm.z);
+        highest = std::max(highest, point.position_mm.z);
+      }
+    // To the outermost voxels' middles, but for a step of the line.
+    EXPECT_LT(lowest, 1) << seed;
+    EXPECT_GT(highest, 68) << seed;
+  }
+}
+
+TEST(PoorResults, SayWhereARootLiesBesideEachEnd) {
+  const VesselTree tree = comb(3, 0).tree;
+  const VesselPoint& begin = tree.branches()[static_cast<std::size_t>(tree.root())].points.front();
+  const auto beside = [&](double mm) { return begin.position_mm + glm::dvec3(0, 0, begin.radius_mm + mm); };
+  EXPECT_THAT(far_root(tree, std::nullopt, "scan"), testing::IsEmpty());
+  EXPECT_THAT(far_root(tree, beside(9), "scan"), testing::IsEmpty());
+  EXPECT_THAT(far_root(tree, beside(27), "scan"),
+              testing::ElementsAre(testing::HasSubstr("mm from the nearest end")));
 }
 
 TEST(PoorResults, NameTheFieldThatHelps) {

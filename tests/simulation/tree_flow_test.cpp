@@ -13,6 +13,7 @@
 #include <memory>
 #include <numbers>
 #include <string>
+#include <vector>
 
 namespace xraycast::tree_flow_test {
 namespace {
@@ -91,6 +92,22 @@ TEST(TreeFlow, HasThePressuresOfABodyAtRest) {
   EXPECT_NEAR(aorta.largest - aorta.least, 42, 8);
   EXPECT_LT(iliac.mean, aorta.mean);
   EXPECT_GT(iliac.largest, aorta.largest) << "the pulse grows on its way";
+}
+
+/// As where a tree begins at the groin.
+TEST(FlowCycle, SaysThatBloodEntersBesideTheAorta) {
+  Progress progress;
+  const auto notes_of = [&](const VesselTree& tree) {
+    return flow_cycle({.tree = std::make_shared<VesselTree>(tree)}, progress).notes;
+  };
+  EXPECT_TRUE(notes_of(trunk()).empty());
+  EXPECT_TRUE(notes_of(coronary()).empty());
+  const std::vector<std::string> notes =
+      notes_of(VesselTree({straight({0, 0, -480}, {0, 0, -380}, 5, -1, "left common iliac artery"),
+                           straight({0, 0, -380}, {0, 0, 0}, 10, 0, "aorta")},
+                          "upwards"));
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_NE(notes[0].find("the tree's root is left common iliac artery"), std::string::npos) << notes[0];
 }
 
 TEST(TreeFlow, BeginsWithABeatLikeAllOthers) {

@@ -288,6 +288,16 @@ VesselTree named_tree(std::vector<VesselBranch> branches, const std::filesystem:
 
 }  // namespace
 
+VesselPoint point_at(const VesselBranch& branch, double at_mm) {
+  const std::vector<double>& along_mm = branch.arc_length_mm;
+  const auto next = std::clamp(std::upper_bound(along_mm.begin(), along_mm.end(), at_mm),
+                               along_mm.begin() + 1, along_mm.end() - 1);
+  const auto k = static_cast<std::size_t>(next - along_mm.begin());
+  const double t = std::clamp((at_mm - along_mm[k - 1]) / (along_mm[k] - along_mm[k - 1]), 0.0, 1.0);
+  const VesselPoint &a = branch.points[k - 1], &b = branch.points[k];
+  return {glm::mix(a.position_mm, b.position_mm, t), std::lerp(a.radius_mm, b.radius_mm, t)};
+}
+
 VesselTree::VesselTree(std::vector<VesselBranch> branches, const std::string& name)
     : branches_(std::move(branches)), root_(complete(branches_, name)), segments_(segments_of(branches_)) {}
 
@@ -336,18 +346,26 @@ void write_tree(const VesselTree& tree, const std::filesystem::path& path) {
   throw InputError("{}: a vessel tree is written as .vtp or .json, not \"{}\"", path.string(), extension);
 }
 
+std::filesystem::path tree_file_in(const std::filesystem::path& folder) {
+  std::error_code error;
+  for (const char* name : {"tree.vtp", "tree.json"})
+    if (std::filesystem::exists(folder / name, error)) return folder / name;
+  return {};
+}
+
 VesselTree read_tree(const std::filesystem::path& path) {
   return with_remedy(path, "segment the scan again or correct the file", [&]() -> VesselTree {
     std::error_code error;
-    if (std::filesystem::is_directory(path, error)) {
-      if (!std::filesystem::exists(path / "tree.vtp", error))
-        throw InputError("{}: the folder holds no tree.vtp; give the one that `xraycast segment` wrote",
-                         path.string());
-      return named_tree(read_lines(path / "tree.vtp"), path / "tree.vtp");
-    }
-    const std::string extension = extension_of(path);
-    if (extension == ".vtp") return named_tree(read_lines(path), path);
-    if (extension == ".json") return named_tree(read_json(path), path);
+    const bool is_folder = std::filesystem::is_directory(path, error);
+    const std::filesystem::path file = is_folder ? tree_file_in(path) : path;
+    if (file.empty())
+      throw InputError(
+          "{}: the folder holds neither tree.vtp nor tree.json; give one that `xraycast segment` "
+          "or `xraycast vessels` wrote",
+          path.string());
+    const std::string extension = extension_of(file);
+    if (extension == ".vtp") return named_tree(read_lines(file), file);
+    if (extension == ".json") return named_tree(read_json(file), file);
     if (!std::filesystem::exists(path, error) && !error)
       throw InputError("{}: no such file or folder; check its name", path.string());
     throw InputError("{}: a vessel tree is a folder, or a file that ends in .vtp or .json; give one of these",

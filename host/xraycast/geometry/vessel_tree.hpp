@@ -28,6 +28,9 @@ struct VesselBranch {
   std::string name = {};
 };
 
+/// The point at a distance along a branch of a tree, between its points; beyond an end, that end.
+VesselPoint point_at(const VesselBranch& branch, double at_mm);
+
 /// The vasculature as a connected tree of centrelines with radii. Immutable.
 ///
 /// Connected by construction: the constructor throws InputError for an empty tree, a cycle, a missing or
@@ -87,7 +90,10 @@ void check_near_end(const glm::dvec3& end_mm, const glm::dvec3& point_mm, const 
 /// [[x, y, z, radius], ...]}, ...]}. A VTP has no names; write_names writes them.
 void write_tree(const VesselTree& tree, const std::filesystem::path& path);
 
-/// Reads what write_tree writes, and other programs' files with the same fields; in a folder, its tree.vtp.
+/// A folder's tree.vtp, or else its tree.json; empty where it has neither.
+std::filesystem::path tree_file_in(const std::filesystem::path& folder);
+
+/// Reads what write_tree writes, and other programs' files with the same fields; of a folder, tree_file_in.
 /// In a VTP without `ParentIds` a line's parent is the one that ends exactly where it starts; in JSON `id`
 /// may be any integer from 0 on and `children` is not needed. A file of names beside it (names_beside) names
 /// its branches. Throws InputError, naming file and field.

@@ -144,6 +144,8 @@ struct Tube {
   double response_hu;  ///< the finer scale's Laplacian across it, in its variances
 };
 
+enum class Evidence { none, weak, sure };
+
 /// Tells branches of some vessels from what else is in a scan.
 class BranchTest {
  public:
@@ -155,20 +157,23 @@ class BranchTest {
 
   double hu(std::size_t at) const { return fine_.hu(at); }
 
-  /// Thin tubes of that lumen, and what is nearly as bright.
-  bool is_branch(std::size_t at) const {
-    constexpr double kBright = 0.15, kDarkest = 0.6, kLumen = 0.68, kRound = 0.3, kShortfall = 0.7,
-                     kBeyond = 2;
+  /// Thin tubes of that lumen, and what is nearly as bright. Weak: somewhat darker, as noise makes short
+  /// pieces of them.
+  Evidence of_branch(std::size_t at) const {
+    constexpr double kBright = 0.15, kDarkest = 0.6, kLumen = 0.68, kWeakLumen = 0.62, kRound = 0.3,
+                     kWeakRound = 0.6, kShortfall = 0.7, kBeyond = 2;
     constexpr double kResponse = 0.15;  // noise and an organ's texture give a third of it
     constexpr double kWidest_mm = 5;
     const double contrast_hu = vessels_.lumen_hu - vessels_.tissue_hu, hu = fine_.hu(at);
-    if (hu >= vessels_.lumen_hu - kBright * contrast_hu) return true;
-    if (hu < vessels_.tissue_hu - kDarkest * contrast_hu) return false;
+    if (hu >= vessels_.lumen_hu - kBright * contrast_hu) return Evidence::sure;
+    if (hu < vessels_.tissue_hu - kDarkest * contrast_hu) return Evidence::none;
     const Tube tube = tube_at(at);
-    return tube.response_hu >= kResponse * contrast_hu && tube.roundness >= kRound &&
-           tube.radius_mm <= kWidest_mm && tube.lumen_hu >= vessels_.tissue_hu + kLumen * contrast_hu &&
-           tube.lumen_hu <= vessels_.lumen_hu + kBeyond * contrast_hu &&
-           tube.contrast_hu >= kShortfall * (vessels_.lumen_hu - tube.lumen_hu);
+    const double lumen = (tube.lumen_hu - vessels_.tissue_hu) / contrast_hu;
+    const bool is_tube = tube.response_hu >= kResponse * contrast_hu && tube.roundness >= kRound &&
+                         tube.radius_mm <= kWidest_mm && lumen <= 1 + kBeyond &&
+                         tube.contrast_hu >= kShortfall * (vessels_.lumen_hu - tube.lumen_hu);
+    if (is_tube && lumen >= kLumen) return Evidence::sure;
+    return is_tube && lumen >= kWeakLumen && tube.roundness >= kWeakRound ? Evidence::weak : Evidence::none;
   }
 
  private:
@@ -229,7 +234,7 @@ class Growth {
       if (visited % kBetweenChecks == 0) check_cancelled();
       const Voxel next = queue_.top();
       queue_.pop();
-      visit_neighbours(next.at, next.level);
+      visit_neighbours(next);
     }
     ThinBranches result{Mask(vessels.geometry), Mask(vessels.geometry)};
     for (std::size_t i = 0; i < owner_.size(); ++i) {
@@ -244,6 +249,7 @@ class Growth {
   struct Voxel {
     float level;  ///< the darkest on the way to it
     std::size_t at;
+    int weak;  ///< how many voxels of weak evidence it ends
     bool operator<(const Voxel& other) const { return level < other.level; }
   };
 
@@ -258,7 +264,7 @@ class Growth {
       if (owner_[i] != kVessels && owner_[i] != kOthers) continue;
       const Index3 voxel = voxel_at(geometry_, static_cast<std::int64_t>(i));
       if (!is_inner(voxel) || !is_at_side(voxel)) continue;
-      queue_.push({static_cast<float>(test_.hu(i)), i});
+      queue_.push({static_cast<float>(test_.hu(i)), i, 0});
     }
   }
 
@@ -267,16 +273,20 @@ class Growth {
         kNeighbours, [&](const Index3& by) { return owner_[offset_of(geometry_, voxel + by)] == kNobody; });
   }
 
-  void visit_neighbours(std::size_t from, float level) {
-    const Index3 voxel = voxel_at(geometry_, static_cast<std::int64_t>(from));
+  void visit_neighbours(const Voxel& from) {
+    constexpr int kMostWeak = 5;
+    const Index3 voxel = voxel_at(geometry_, static_cast<std::int64_t>(from.at));
     for (const Index3& by : kNeighbours) {
       const Index3 next = voxel + by;
       if (!is_inner(next)) continue;
       const std::size_t at = offset_of(geometry_, next);
       if (owner_[at] != kNobody) continue;
-      const bool is_branch = test_.is_branch(at);
-      owner_[at] = is_branch ? owner_[from] : static_cast<std::uint8_t>(kNone);
-      if (is_branch) queue_.push({std::min(level, static_cast<float>(test_.hu(at))), at});
+      const Evidence evidence = test_.of_branch(at);
+      const int weak = evidence == Evidence::weak ? from.weak + 1 : 0;
+      if (weak > (owner_[from.at] == kVessels ? kMostWeak : 0)) continue;  // another way to it may be better
+      owner_[at] = evidence == Evidence::none ? static_cast<std::uint8_t>(kNone) : owner_[from.at];
+      if (evidence != Evidence::none)
+        queue_.push({std::min(from.level, static_cast<float>(test_.hu(at))), at, weak});
     }
   }
 

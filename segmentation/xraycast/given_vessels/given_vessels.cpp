@@ -8,6 +8,7 @@
 #include "xraycast/given_vessels/vessels_of_lines.hpp"
 #include "xraycast/given_vessels/vessels_of_mask.hpp"
 #include "xraycast/given_vessels/vessels_of_surface.hpp"
+#include "xraycast/segmentation/poor_results.hpp"
 #include "xraycast/vessel_names/artery_names.hpp"
 
 #include <fmt/format.h>
@@ -22,10 +23,7 @@ namespace xraycast {
 namespace {
 
 /// A folder that this program made, or one like it.
-bool is_tree_folder(const std::filesystem::path& path) {
-  std::error_code error;
-  return std::filesystem::exists(path / "tree.vtp", error);
-}
+bool is_tree_folder(const std::filesystem::path& path) { return !tree_file_in(path).empty(); }
 
 /// Masks are known by their content: of any name that is none of a surface or of centrelines.
 bool is_mask(const GivenVesselsRequest& request) {
@@ -154,6 +152,8 @@ Vessels given_vessels(const GivenVesselsRequest& request, const Volume* scan, Pr
   if (scan == nullptr && !is_mask(request) && !is_tree_folder(request.input) && request.unit_mm == 1)
     note_on_size(request.input.string(), found);
   found.centrelines.tree = with_artery_names(found.centrelines.tree);
+  std::ranges::move(far_root(found.centrelines.tree, request.options.root_mm, request.input.string()),
+                    std::back_inserter(found.notes));
   return found;
 }
 

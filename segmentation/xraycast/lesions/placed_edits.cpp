@@ -245,16 +245,6 @@ double PlacedSac::height_mm() const { return 0.5 * std::sqrt(diameter_mm * diame
 
 bool PlacedEdits::removes_any() const { return std::ranges::find(is_removed, true) != is_removed.end(); }
 
-VesselPoint point_at(const VesselBranch& branch, double at_mm) {
-  const std::vector<double>& along_mm = branch.arc_length_mm;
-  const auto next =
-      std::clamp(std::ranges::upper_bound(along_mm, at_mm), along_mm.begin() + 1, along_mm.end() - 1);
-  const auto k = static_cast<std::size_t>(next - along_mm.begin());
-  const double t = std::clamp((at_mm - along_mm[k - 1]) / (along_mm[k] - along_mm[k - 1]), 0.0, 1.0);
-  const VesselPoint &a = branch.points[k - 1], &b = branch.points[k];
-  return {glm::mix(a.position_mm, b.position_mm, t), std::lerp(a.radius_mm, b.radius_mm, t)};
-}
-
 std::vector<int> branches_meant(const VesselTree& tree, const std::string& words, const std::string& field) {
   const bool is_number = !words.empty() && words.size() < 10 &&
                          std::ranges::all_of(words, [](char c) { return c >= '0' && c <= '9'; });

@@ -56,7 +56,4 @@ PlacedEdits placed_edits(const VesselTree& tree, const Edits& edits);
 /// front.
 std::vector<int> branches_meant(const VesselTree& tree, const std::string& words, const std::string& field);
 
-/// A place on a branch's centreline.
-VesselPoint point_at(const VesselBranch& branch, double at_mm);
-
 }  // namespace xraycast

@@ -77,30 +77,53 @@ void fit_end(Line& line, const Lumen& lumen, double step_mm) {
   take_off_shortfall(line, lumen, radius_mm);
 }
 
-/// Lets a line of a vessel that goes on beyond the scan reach the scan's side, from where its last inscribed
-/// sphere fits. What is narrower there is an end of its own.
+/// The end of a line as far as it lies in the middle of its vessel. Noise pits walls, and thinning leads
+/// lines from there into the corners between pits, where spheres are smaller.
+struct MiddleEnd {
+  std::size_t last;   ///< point
+  double largest_mm;  ///< inscribed sphere within three radii of the end
+};
+
+MiddleEnd middle_end(const Line& line, const Lumen& lumen, double step_mm) {
+  constexpr double kSmaller = 0.85, kReach = 3;  // of and in the largest radius
+  std::vector<double> radii_mm;                  // from the end on
+  double largest_mm = 0;
+  do {
+    radii_mm.push_back(lumen.inscribed_radius_mm(line[line.size() - 1 - radii_mm.size()]));
+    largest_mm = std::max(largest_mm, radii_mm.back());
+  } while (radii_mm.size() < line.size() &&
+           static_cast<double>(radii_mm.size()) * step_mm <= kReach * largest_mm);
+  const auto fits = std::ranges::find_if(radii_mm, [&](double mm) { return mm >= kSmaller * largest_mm; });
+  return {line.size() - 1 - static_cast<std::size_t>(fits - radii_mm.begin()), largest_mm};
+}
+
+/// Lets a line of a vessel that goes on beyond the scan reach the scan's side, from where it was last in the
+/// middle. What is narrower there is an end of its own.
 void reach_border(Line& line, const Lumen& lumen, double step_mm) {
   constexpr std::size_t kTangentReach = 6;
-  constexpr double kFarthest = 1.5, kWiden = 1.3;  // in radii: flat where a vessel is about to fork
-  constexpr double kAsWide = 0.85, kTurn = 0.3;    // of the radius; by each step
-  const std::size_t at = line.size() - 1 - std::min(line.size() - 1, kTangentReach);
-  glm::dvec3 along = tangent_at(line, at, kTangentReach), end = line.back();
-  const double inscribed_mm = lumen.inscribed_radius_mm(end);
+  constexpr double kFarthest = 4, kWiden = 1.3;  // in radii: pitted, and flat where a vessel is about to fork
+  constexpr double kAsWide = 0.75, kAside = 0.25, kTurn = 0.15;  // of the radius; by each step
+  const auto [last, radius_mm] = middle_end(line, lumen, step_mm);
+  const std::size_t back = std::max(kTangentReach, static_cast<std::size_t>(radius_mm / step_mm)),
+                    middle = last - std::min(last, back);
+  glm::dvec3 along = tangent_at(line, middle, back), end = line[last];
   const auto section_at = [&](const glm::dvec3& p) {
-    return cross_section(lumen, p, along, kWiden * inscribed_mm);
+    return cross_section(lumen, p, along, kWiden * radius_mm);
   };
-  const double least_mm = kAsWide * section_at(end).radius_mm;
+  const double least_mm = kAsWide * section_at(line[middle]).radius_mm;
   Line added;
-  for (int step = 1; step * step_mm < kFarthest * inscribed_mm; ++step) {
+  for (int step = 1; step * step_mm < kFarthest * radius_mm; ++step) {
     const glm::dvec3 straight_on = end + step_mm * along;
     if (!lumen.contains(straight_on)) {
+      line.resize(last + 1);
       line.insert(line.end(), added.begin(), added.end());
       return;
     }
-    const auto [shift, radius_mm] = section_at(straight_on);
-    if (radius_mm < least_mm) return;
-    const glm::dvec3 next =
-        straight_on + std::min(1.0, 0.5 * step_mm / std::max(glm::length(shift), 1e-9)) * shift;
+    const CrossSection section = section_at(straight_on);
+    if (section.radius_mm < least_mm) return;
+    const glm::dvec3 shift = section.to_middle_mm,
+                     next = straight_on +
+                            std::min(1.0, kAside * step_mm / std::max(glm::length(shift), 1e-9)) * shift;
     along = glm::normalize(glm::mix(along, glm::normalize(next - end), kTurn));
     added.push_back(next);
     end = next;

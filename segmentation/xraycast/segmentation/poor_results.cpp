@@ -9,8 +9,9 @@ namespace xraycast {
 
 std::vector<std::string> poor_results(const Centrelines& centrelines, const VolumeGeometry& grid,
                                       const std::string& name) {
-  // A whole head has 30 to 50 branches, a malformation of hundreds looks like noise and is worth a look too.
-  constexpr std::size_t kManyBranches = 200, kManyLoops = 20;
+  // A whole head has 30 to 50 branches and a loop or two, a malformation of hundreds looks like noise and is
+  // worth a look too.
+  constexpr std::size_t kManyBranches = 200, kManyLoops = 5;
   constexpr double kCoarse_mm = 3;
   const glm::dvec3& s = grid.spacing_mm;
   const double coarsest_mm = std::max({s.x, s.y, s.z});
@@ -32,12 +33,8 @@ std::vector<std::string> poor_results(const Centrelines& centrelines, const Volu
 
 std::vector<std::string> wider_end(const VesselTree& tree, const std::string& name) {
   constexpr double kWider = 1.4, kFromEnd_mm = 5;  // an end is round, or cut aslant
-  const auto width_mm = [&](const VesselBranch& branch, double at_mm) {
-    const auto at = std::ranges::lower_bound(branch.arc_length_mm, at_mm);
-    return 2 * branch
-                   .points[std::min(static_cast<std::size_t>(at - branch.arc_length_mm.begin()),
-                                    branch.points.size() - 1)]
-                   .radius_mm;
+  const auto width_mm = [](const VesselBranch& branch, double at_mm) {
+    return 2 * point_at(branch, at_mm).radius_mm;
   };
   const VesselBranch& root = tree.branches()[static_cast<std::size_t>(tree.root())];
   const double root_mm = width_mm(root, kFromEnd_mm);
@@ -73,6 +70,19 @@ std::vector<std::string> too_little(const VesselTree& tree, const VolumeGeometry
       "contrast agent, or less than expected; look at the report, and give `seeds` in the vessels "
       "that are meant, or their `window_hu`",
       name, mm)};
+}
+
+std::vector<std::string> far_root(const VesselTree& tree, const std::optional<glm::dvec3>& root_mm,
+                                  const std::string& name) {
+  constexpr double kFar_mm = 10;  // read from a picture, a place is that of the vessel's end
+  if (!root_mm) return {};
+  const VesselPoint& begin = tree.branches()[static_cast<std::size_t>(tree.root())].points.front();
+  const double far_mm = glm::distance(begin.position_mm, *root_mm);
+  if (far_mm <= kFar_mm + begin.radius_mm) return {};
+  return {fmt::format(
+      "{}: `root_mm` lies {:.0f} mm from the nearest end, that of {} at ({:.0f}, {:.0f}, {:.0f}) mm, where "
+      "the tree begins; look at the report",
+      name, far_mm, tree.title(tree.root()), begin.position_mm.x, begin.position_mm.y, begin.position_mm.z)};
 }
 
 }  // namespace xraycast

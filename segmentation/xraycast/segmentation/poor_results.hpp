@@ -2,6 +2,7 @@
 
 #include "xraycast/segmentation/centreline.hpp"
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,5 +22,9 @@ std::vector<std::string> too_little(const VesselTree& tree, const VolumeGeometry
 /// Of a tree whose root was not given: an end that is much wider than the root, or nothing. The heart's side
 /// of a scan is often cut there.
 std::vector<std::string> wider_end(const VesselTree& tree, const std::string& name);
+
+/// Of a root that was given where no end is: how far the tree begins from it, or nothing.
+std::vector<std::string> far_root(const VesselTree& tree, const std::optional<glm::dvec3>& root_mm,
+                                  const std::string& name);
 
 }  // namespace xraycast

@@ -117,9 +117,11 @@ double weak_fraction(const VesselTree& tree, const Volume& volume, double noise_
   return all_mm > 0 ? weak_mm / all_mm : 0;
 }
 
-void remove_stale(const fs::path& file) {
+/// Says whether there was one.
+bool remove_stale(const fs::path& file) {
   std::error_code error;
-  if (fs::remove(file, error) || !error) return;
+  if (fs::remove(file, error)) return true;
+  if (!error) return false;
   throw InputError("{}: the file of an earlier run cannot be removed: {}; delete it", file.string(),
                    error.message());
 }
@@ -164,10 +166,12 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
   if (has_mask) log.noise_hu = measure_noise_hu(volume);
   Centrelines centrelines = extract_centrelines(mask, name, progress, request.root_mm, &fill);
   std::ranges::move(poor_results(centrelines, volume.geometry(), name), std::back_inserter(notes));
-  if (!request.root_mm) std::ranges::move(wider_end(centrelines.tree, name), std::back_inserter(notes));
   if (request.is_automatic())
     std::ranges::move(too_little(centrelines.tree, volume.geometry(), name), std::back_inserter(notes));
   centrelines.tree = with_artery_names(centrelines.tree);
+  std::ranges::move(
+      request.root_mm ? far_root(centrelines.tree, request.root_mm, name) : wider_end(centrelines.tree, name),
+      std::back_inserter(notes));
   const VesselTree& tree = centrelines.tree;
   progress.begin("surface", 1, "surfaces");
   Mesh surface =
@@ -206,7 +210,11 @@ EditedNames write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_
   outputs.commit();
   if (!has_seg) remove_stale(folder / kVesselSegFile);
   if (!vessels.is_on_scan)
-    for (const char* name : {"mask.nrrd", "lumen.nrrd"}) remove_stale(folder / name);
+    for (const char* name : {"mask.nrrd", "lumen.nrrd"})
+      if (remove_stale(folder / name))
+        names.notes.push_back(fmt::format(
+            "{}: removed, as it was of other vessels; these have a mask where `like` gives a scan's grid",
+            (folder / name).string()));
   return names;
 }
 

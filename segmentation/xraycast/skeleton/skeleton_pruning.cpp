@@ -2,6 +2,8 @@
 
 #include "xraycast/base/union_find.hpp"
 
+#include <glm/geometric.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -110,7 +112,28 @@ class SkeletonPruner {
     const auto [a, b] = edge(e).nodes;
     if (is_leaf(a) == is_leaf(b)) return std::nullopt;
     const int fork = is_leaf(a) ? b : a, tip = is_leaf(a) ? a : b;
-    return length_mm(edge(e).points_mm) - radius_mm(fork) - std::max(spur_mm_, radius_mm(tip));
+    return length_mm(edge(e).points_mm) + to_side_mm(e, tip) - radius_mm(fork) -
+           std::max(spur_mm_, radius_mm(tip));
+  }
+
+  /// From a tip straight on in the lumen to the scan's side, if that is near; else 0.
+  double to_side_mm(int e, int tip) {
+    constexpr std::size_t kReach = 6;  // voxels of the edge that tell its direction
+    constexpr double kFarthest = 2.5;  // in radii: a vessel is flat where it is about to fork
+    constexpr double kInside = 0.5;
+    const std::vector<glm::dvec3>& points_mm = edge(e).points_mm;
+    const std::size_t back = std::min(kReach, points_mm.size() - 1);
+    const glm::dvec3 end_mm = node(tip).position_mm, from_mm = edge(e).nodes[0] == tip
+                                                                   ? points_mm[back]
+                                                                   : points_mm[points_mm.size() - 1 - back];
+    const double step_mm = lumen_.voxel_mm(), farthest_mm = kFarthest * radius_mm(tip) + step_mm;
+    const glm::dvec3 step = step_mm * glm::normalize(end_mm - from_mm);
+    for (int k = 1; k * step_mm <= farthest_mm; ++k) {
+      const glm::dvec3 place_mm = end_mm + static_cast<double>(k) * step;
+      if (!lumen_.contains(place_mm)) return k * step_mm;
+      if (lumen_.occupancy(place_mm) < kInside) return 0;
+    }
+    return 0;
   }
 
   void remove_spurs() {

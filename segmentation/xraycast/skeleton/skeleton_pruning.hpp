@@ -13,7 +13,8 @@ namespace xraycast {
 ///   removed (maximum spanning forest by thickness: Kruskal, On the shortest spanning subtree of a graph,
 ///   1956);
 /// - spurs, which are leaves whose tip reaches less than `spur_vox` voxels out of the sphere inscribed at
-///   their origin, are removed, the shortest first: so much voxels cannot tell;
+///   their origin, are removed, the shortest first: so much voxels cannot tell; the tip of a vessel that goes
+///   on beyond the scan is where it leaves that;
 /// - bifurcations within half a radius of each other are merged into one with more than two branches.
 SkeletonGraph prune(SkeletonGraph graph, const Lumen& lumen, double spur_vox = 2);
 

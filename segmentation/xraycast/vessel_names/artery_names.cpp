@@ -44,13 +44,7 @@ class VesselGraph {
 
   /// The place at a distance along a branch from its start, or its end where it is shorter.
   glm::dvec3 at_mm(Course way, double arc_mm) const {
-    const VesselBranch& of = branch(way.branch);
-    const double arc = std::clamp(way.is_forwards ? arc_mm : length_mm(way) - arc_mm, 0.0, length_mm(way));
-    const auto above = std::max<std::ptrdiff_t>(
-        1, std::ranges::lower_bound(of.arc_length_mm, arc) - of.arc_length_mm.begin());
-    const auto i = static_cast<std::size_t>(above);
-    const double from = of.arc_length_mm[i - 1], to = of.arc_length_mm[i];
-    return glm::mix(of.points[i - 1].position_mm, of.points[i].position_mm, (arc - from) / (to - from));
+    return point_at(branch(way.branch), way.is_forwards ? arc_mm : length_mm(way) - arc_mm).position_mm;
   }
 
   /// The branches that go on where one ends.

@@ -32,6 +32,20 @@ struct CycleSteps {
         step_s(heart.period_s() / count) {}
 };
 
+/// A tree may begin at the groin, and the heart does not.
+std::vector<std::string> notes_on_root(const VesselTree& tree) {
+  const std::vector<VesselBranch>& branches = tree.branches();
+  const auto is_aorta = [](const VesselBranch& branch) {
+    return branch.name.find("aort") != std::string::npos;
+  };
+  if (is_aorta(branches[static_cast<std::size_t>(tree.root())]) || std::ranges::none_of(branches, is_aorta))
+    return {};
+  return {fmt::format(
+      "the tree's root is {}, and blood comes in there, although the tree has an aorta: make it anew with "
+      "`root_mm` at the aorta's end",
+      tree.title(tree.root()))};
+}
+
 }  // namespace
 
 void check(const FlowRequest& request) {
@@ -51,6 +65,7 @@ FlowCycle flow_cycle(const FlowRequest& request, Progress& progress) {
   const CycleSteps steps(flow.heart());
   FlowCycle cycle;
   cycle.heart_ml_s = flow.heart_ml_s();
+  cycle.notes = notes_on_root(tree);
   cycle.vessels.resize(tree.branches().size());
   progress.begin("blood flow", steps.count, "steps");
   for (int i = 0; i < steps.count; ++i) {

@@ -37,6 +37,7 @@ struct FlowCycle {
   std::vector<double> aortic_mmHg;  ///< before the root
   double heart_ml_s = 0;            ///< the heart's output
   std::vector<Vessel> vessels;      ///< of every branch
+  std::vector<std::string> notes;   ///< on a root that is no place where blood enters a body, a line each
 
   /// The mean pressure at a branch's end over the aorta's: at hyperaemia, the fractional flow reserve (Pijls
   /// et al., N Engl J Med 334:1703, 1996).

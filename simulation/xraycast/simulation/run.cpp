@@ -482,10 +482,7 @@ std::string missed_in_words(const Treatment& treatment, const VesselTree& tree) 
   const double at_mm = treatment.middle_mm - treatment.off_narrowest_mm;
   if (at_mm >= treatment.from_mm && at_mm <= treatment.to_mm) return "";
   const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(treatment.branch)];
-  const auto found = std::ranges::lower_bound(branch.arc_length_mm, at_mm);
-  const std::ptrdiff_t point =
-      std::min(found - branch.arc_length_mm.begin(), std::ssize(branch.arc_length_mm) - 1);
-  const double there_mm = 2 * branch.points[static_cast<std::size_t>(point)].radius_mm;
+  const double there_mm = 2 * point_at(branch, at_mm).radius_mm;
   if (there_mm >= kNarrower * treatment.least_before_mm) return "";
   return fmt::format(
       "; it was {:.0f} to {:.0f} mm along the vessel, but the narrowest place, {:.2f} mm, lies at "

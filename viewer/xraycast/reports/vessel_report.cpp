@@ -103,9 +103,7 @@ void draw(Canvas& sheet, int left, const ScanProjection& picture, double pixels_
   Labels labels(sheet);
   for (const std::size_t i : listed(tree)) {
     const VesselBranch& branch = tree.branches()[i];
-    const auto middle = std::ranges::lower_bound(branch.arc_length_mm, 0.5 * branch.arc_length_mm.back()) -
-                        branch.arc_length_mm.begin();
-    labels.add(i, pixel(branch.points[static_cast<std::size_t>(middle)].position_mm));
+    labels.add(i, pixel(point_at(branch, 0.5 * branch.arc_length_mm.back()).position_mm));
   }
   text(sheet, left, kTop + kPanelHeight + 24,
        picture.axis == 0 ? "from the left: anterior is on the left"

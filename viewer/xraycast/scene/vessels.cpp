@@ -21,10 +21,11 @@ constexpr double kCatheterRadius_mm = 1, kLumenRadius_mm = 0.6;
 Mesh mesh_of_folder(const std::filesystem::path& folder) {
   for (const char* name : {"surface.vtp", "surface.stl"})
     if (std::filesystem::exists(folder / name)) return read_mesh(folder / name);
-  if (std::filesystem::exists(folder / "tree.vtp")) return tube_mesh(read_tree(folder));
+  if (!tree_file_in(folder).empty()) return tube_mesh(read_tree(folder));
   throw InputError(
-      "{}: the folder holds neither surface.vtp, surface.stl nor tree.vtp; give the one that `xraycast "
-      "segment` wrote",
+      "{}: the folder holds neither a surface (surface.vtp, surface.stl) nor a tree (tree.vtp, tree.json); "
+      "give "
+      "the one that `xraycast segment` wrote",
       folder.string());
 }
 

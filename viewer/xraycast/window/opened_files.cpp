@@ -56,8 +56,7 @@ void open_vessels(OpenedFiles& opened, const OpenedFiles& before) {
                          : std::make_shared<Surface>(read_vessels(session.vessels, session.contrast_mg_ml));
   if (is_same && before.tree)
     opened.tree = before.tree;
-  else if (!session.vessels.empty() &&
-           (session.steered || std::filesystem::exists(session.vessels / "tree.vtp")))
+  else if (!session.vessels.empty() && (session.steered || !tree_file_in(session.vessels).empty()))
     opened.tree = std::make_shared<VesselTree>(read_tree(session.vessels));
 }
 

@@ -40,7 +40,7 @@ fs::path unused(const std::string& stem, const std::string& extension) {
 
 bool is_vessels(const fs::path& path) {
   return is_surface_file(path) || fs::exists(path / "surface.vtp") || fs::exists(path / "surface.stl") ||
-         fs::exists(path / "tree.vtp");
+         !tree_file_in(path).empty();
 }
 
 /// What a file is opened as.
