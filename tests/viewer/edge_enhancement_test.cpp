@@ -39,9 +39,9 @@ TEST(EdgeEnhancement, IsTheDifferenceOfTwoMeans) {
     for (int j = 0; j < size.height; ++j)
       for (int i = 0; i < size.width; ++i) {
         const std::size_t at = size.row(j) + static_cast<std::size_t>(i);
-        const double most = EdgeEnhancement::kMost;
+        const double darker = EdgeEnhancement::kMostDarker, lighter = EdgeEnhancement::kMostLighter;
         const double above = std::clamp(
-            mean_about(size, picture, i, j, 1) - mean_about(size, picture, i, j, reach), -most, most);
+            mean_about(size, picture, i, j, 1) - mean_about(size, picture, i, j, reach), -darker, lighter);
         // Of sums of 1,681 values of 8 at most in single precision.
         ASSERT_NEAR(out[at], picture[at] + EdgeEnhancement::kStrength * above, 5e-5) << i << ", " << j;
       }
@@ -69,9 +69,9 @@ TEST(EdgeEnhancement, StrongEdgesHaveNoHalos) {
             static_cast<float>((i - 60) * std::cos(angle) + (j - 50) * std::sin(angle) > 0 ? height : 0.0));
     const PixelPlane out = enhanced(kSize, pixel_mm, step);
     const auto [least, most] = std::minmax_element(out.begin(), out.end());
-    constexpr double kAdded = EdgeEnhancement::kStrength * EdgeEnhancement::kMost, kRounding = 1e-5;
-    EXPECT_GE(*least, -kAdded - kRounding) << seed;
-    EXPECT_LE(*most, height + kAdded + kRounding) << seed;
+    constexpr double kStrength = EdgeEnhancement::kStrength, kRounding = 1e-5;
+    EXPECT_GE(*least, -kStrength * EdgeEnhancement::kMostDarker - kRounding) << seed;
+    EXPECT_LE(*most, height + kStrength * EdgeEnhancement::kMostLighter + kRounding) << seed;
   }
 }
 

@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <numbers>
 #include <numeric>
+#include <tbb/global_control.h>
 
 namespace xraycast::fluoroscope_test {
 namespace {
@@ -126,17 +127,14 @@ TEST(Fluoroscope, NoiseOfNeighboursAndOfFramesIsIndependent) {
 
 TEST(Fluoroscope, PicturesAreThoseOfTheirSeedWhateverTheThreads) {
   FluoroscopyOptions options = options_with("quanta,blur,lag,electronics,scatter,display");
-  const auto second_frame = [&](std::uint32_t seed, const char* threads) {
-    setenv("XRAYCAST_THREADS", threads, 1);
+  const auto second_frame = [&](std::uint32_t seed, std::size_t threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     options.seed = seed;
     Fluoroscope fluoroscope(options, square_view(), ten_per_metre());
     fluoroscope.expose(slab(15));
-    FluoroscopyFrame frame = fluoroscope.expose(slab(15));
-    unsetenv("XRAYCAST_THREADS");
-    return frame;
+    return FluoroscopyFrame(fluoroscope.expose(slab(15)));
   };
-  const FluoroscopyFrame one = second_frame(7, "1"), same = second_frame(7, "5"),
-                         other = second_frame(8, "2");
+  const FluoroscopyFrame one = second_frame(7, 1), same = second_frame(7, 5), other = second_frame(8, 2);
   EXPECT_EQ(one.signal_kev, same.signal_kev);
   EXPECT_EQ(one.codes, same.codes);
   EXPECT_EQ(one.shown, same.shown);

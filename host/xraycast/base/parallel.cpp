@@ -2,25 +2,26 @@
 
 #include "xraycast/base/progress.hpp"
 
-#include <algorithm>
-#include <atomic>
+#include <cstddef>
 #include <cstdlib>
-#include <exception>
 #include <mutex>
-#include <thread>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 #include <utility>
-#include <vector>
 
 namespace xraycast {
 namespace {
 
 thread_local const Progress* cancelling = nullptr;
 
-/// All cores, or what XRAYCAST_THREADS says, where several processes share a machine.
-std::int64_t most_threads() {
-  if (const char* limit = std::getenv("XRAYCAST_THREADS"))
-    if (const int count = std::atoi(limit); count > 0) return count;
-  return static_cast<std::int64_t>(std::thread::hardware_concurrency());
+/// Where several processes share a machine, XRAYCAST_THREADS limits this one's, OpenVDB's loops too.
+void limit_threads() {
+  const char* const words = std::getenv("XRAYCAST_THREADS");
+  const int threads = words == nullptr ? 0 : std::atoi(words);
+  if (threads <= 0) return;
+  static const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                         static_cast<std::size_t>(threads));
 }
 
 }  // namespace
@@ -36,29 +37,21 @@ void check_cancelled() {
 }
 
 void parallel_for(std::int64_t count, const std::function<void(std::int64_t)>& work) {
-  std::atomic<std::int64_t> next{0};
-  std::exception_ptr failure;
-  std::mutex failure_mutex;
+  static std::once_flag is_limited;
+  std::call_once(is_limited, limit_threads);
   const auto run = [&, progress = CancelScope::current()] {
-    const CancelScope scope(progress);
-    try {
-      for (std::int64_t i; (i = next++) < count;) {
-        check_cancelled();
-        work(i);
-      }
-    } catch (...) {
-      next = count;
-      const std::lock_guard lock(failure_mutex);
-      if (!failure) failure = std::current_exception();
-    }
+    tbb::parallel_for(
+        std::int64_t{0}, count,
+        [&](std::int64_t i) {
+          const CancelScope scope(progress);
+          check_cancelled();
+          work(i);
+        },
+        tbb::simple_partitioner());
   };
-  {
-    std::vector<std::jthread> helpers;
-    for (std::int64_t i = 1, threads = std::min(most_threads(), count); i < threads; ++i)
-      helpers.emplace_back(run);
-    run();
-  }
-  if (failure) std::rethrow_exception(failure);
+  // A thread that waits for the end of its loop takes no work of other loops, which may use its thread's
+  // buffers.
+  tbb::this_task_arena::isolate(run);
 }
 
 }  // namespace xraycast

@@ -1,14 +1,21 @@
 #include "xraycast/display/display_loops.hpp"
 
+#include "xraycast/base/quick_math.hpp"
 #include "xraycast/base/wide_vectors.hpp"
 
-#include <initializer_list>
+#include <cmath>
 
 namespace xraycast {
 
 XRAYCAST_WIDE_VECTORS
 void added_row(const float* __restrict row, int count, float* __restrict sums) {
   for (int i = 0; i < count; ++i) sums[i] += row[i];
+}
+
+XRAYCAST_WIDE_VECTORS
+void moved_row(const float* __restrict entering, const float* __restrict leaving, int count,
+               float* __restrict sums) {
+  for (int i = 0; i < count; ++i) sums[i] += entering[i] - leaving[i];
 }
 
 XRAYCAST_WIDE_VECTORS
@@ -20,41 +27,60 @@ void enhanced_row(const float* __restrict row, const float* __restrict near, con
     for (int i = 0; i < count; ++i) out[i] += column[i];
   }
   const int side = 2 * by.reach + 1;
-  const float per_wide = 1.0f / static_cast<float>(side * side), strength = by.strength, most = by.most;
+  const float per_wide = 1.0f / static_cast<float>(side * side), strength = by.strength,
+              darker = by.most_darker, lighter = by.most_lighter;
   for (int i = 0; i < count; ++i) {
     const float above = (near[i - 1] + near[i] + near[i + 1]) / 9 - out[i] * per_wide,
-                within = above < -most ? -most : (above > most ? most : above);
+                within = above < -darker ? -darker : (above > lighter ? lighter : above);
     out[i] = row[i] + strength * within;
   }
 }
 
 XRAYCAST_WIDE_VECTORS
+void calmed_row(const std::uint16_t* __restrict codes, const float* __restrict columns, const Calming& by,
+                int count, float* __restrict logarithm) {
+  const auto [dark, below, electronic, per_code, most_noise, least_share, least_level] = by;
+  const float variance = electronic * electronic;
+  for (int i = 0; i < count; ++i) {
+    const float* const at = columns + i;
+    const float mean = (at[-2] + at[-1] + at[0] + at[1] + at[2]) / 25 - dark,
+                level = mean > least_level ? mean : least_level,
+                noise = most_noise * level / std::sqrt(variance + per_code * level),
+                share = noise < 1 ? noise : 1, least = least_share * level,
+                drawn = level + share * (static_cast<float>(codes[i]) - dark - level),
+                calm = quick_log(drawn > least ? drawn : least);
+    logarithm[i] = mean < below ? calm : logarithm[i];
+  }
+}
+
+XRAYCAST_WIDE_VECTORS
 void summed_row(const float* __restrict above, const float* __restrict row, const float* __restrict below,
-                int count, float* __restrict out) {
-  for (int i = 0; i < count; ++i)
-    out[i] = above[i] + above[i + 1] + above[i + 2] + row[i] + row[i + 1] + row[i + 2] + below[i] +
-             below[i + 1] + below[i + 2];
+                int count, std::int16_t* __restrict out) {
+  constexpr float kPerUnit = 1000, kMost = kMostSummed;
+  for (int i = 0; i < count; ++i) {
+    const float sum = kPerUnit * (above[i] + above[i + 1] + above[i + 2] + row[i] + row[i + 1] + row[i + 2] +
+                                  below[i] + below[i + 1] + below[i + 2]);
+    out[i] = static_cast<std::int16_t>(static_cast<int>(sum > -kMost ? (sum < kMost ? sum : kMost) : -kMost));
+  }
 }
 
 XRAYCAST_WIDE_VECTORS
-void strongest_lines_row(const float* __restrict pixels, std::ptrdiff_t stride, int count,
-                         float* __restrict out) {
-  for (int i = 0; i < count; ++i) out[i] = 0;
-  for (const std::ptrdiff_t step : {std::ptrdiff_t{2}, 2 * stride, 2 * stride + 2, 2 * stride - 2, stride + 2,
-                                    stride - 2, 2 * stride + 1, 2 * stride - 1})
-    for (int i = 0; i < count; ++i) {
-      const float* const at = pixels + i;
-      const float sum = at[0] + at[step] + at[-step] + at[2 * step] + at[-2 * step] + at[3 * step] +
-                        at[-3 * step] + at[4 * step] + at[-4 * step],
-                  size = sum < 0 ? -sum : sum;
-      out[i] = out[i] > size ? out[i] : size;
-    }
+void stronger_line_row(const std::int16_t* __restrict pixels, std::ptrdiff_t step, int count,
+                       std::int16_t* __restrict lines) {
+  for (int i = 0; i < count; ++i) {
+    const std::int16_t* const at = pixels + i;
+    const auto sum = static_cast<std::int16_t>(at[0] + at[step] + at[-step] + at[2 * step] + at[-2 * step] +
+                                               at[3 * step] + at[-3 * step] + at[4 * step] + at[-4 * step]);
+    const auto opposite = static_cast<std::int16_t>(-sum);
+    const std::int16_t size = sum > opposite ? sum : opposite;
+    lines[i] = lines[i] > size ? lines[i] : size;
+  }
 }
 
 XRAYCAST_WIDE_VECTORS
-void above_row(const float* __restrict lines, const float* __restrict usual, float times, int count,
+void above_row(const std::int16_t* __restrict lines, const float* __restrict usual, float times, int count,
                std::uint8_t* __restrict above) {
-  for (int i = 0; i < count; ++i) above[i] = lines[i] > times * usual[i] ? 1 : 0;
+  for (int i = 0; i < count; ++i) above[i] = static_cast<float>(lines[i]) > times * usual[i] ? 1 : 0;
 }
 
 XRAYCAST_WIDE_VECTORS
@@ -63,21 +89,13 @@ void united_row(const std::uint8_t* __restrict one, int count, std::uint8_t* __r
 }
 
 XRAYCAST_WIDE_VECTORS
-void strengthened_row(const std::uint8_t* __restrict moved, const float* __restrict usual, float times,
-                      int count, float* __restrict lines) {
-  for (int i = 0; i < count; ++i) {
-    const float strong = 1.001f * times * usual[i];
-    lines[i] = moved[i] != 0 && lines[i] < strong ? strong : lines[i];
-  }
-}
-
-XRAYCAST_WIDE_VECTORS
-void recursive_row(const float* __restrict now, const float* __restrict lines, const float* __restrict usual,
+void recursive_row(const float* __restrict now, const std::int16_t* __restrict lines,
+                   const float* __restrict usual, const std::uint8_t* __restrict moved,
                    const FrameWeight& weight, int count, float* __restrict shown) {
   const float still = weight.still, from = weight.from, more = 1 - still, per = 1 / (weight.to - weight.from);
   for (int i = 0; i < count; ++i) {
-    const float moved = (lines[i] / (usual[i] + 1e-12f) - from) * per,
-                share = moved < 0 ? 0 : (moved > 1 ? 1 : moved);
+    const float beyond = (static_cast<float>(lines[i]) / (usual[i] + 1e-12f) - from) * per,
+                by_line = beyond < 0 ? 0 : (beyond > 1 ? 1 : beyond), share = moved[i] != 0 ? 1 : by_line;
     shown[i] += (still + more * share) * (now[i] - shown[i]);
   }
 }

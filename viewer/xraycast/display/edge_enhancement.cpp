@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
 #include <vector>
 
 namespace xraycast {
@@ -18,17 +17,20 @@ class PaddedSums {
  public:
   PaddedSums(int width, int reach) : width_(width), reach_(reach), all_(width + 2 * std::size_t(reach)) {}
 
-  void add_up(std::span<const float* const> rows) {
-    float* const sums = all_.data() + reach_;
-    std::copy_n(rows.front(), width_, sums);
-    for (const float* row : rows.subspan(1)) added_row(row, width_, sums);
-    std::fill_n(all_.data(), reach_, sums[0]);
-    std::fill_n(sums + width_, reach_, sums[width_ - 1]);
-  }
+  void begin() { std::fill(all_.begin(), all_.end(), 0.0f); }
+  void add(const float* row) { added_row(row, width_, sums()); }
+  void move(const float* entering, const float* leaving) { moved_row(entering, leaving, width_, sums()); }
+
   /// Of the picture's first column.
-  const float* data() const { return all_.data() + reach_; }
+  const float* padded() {
+    std::fill_n(all_.data(), reach_, sums()[0]);
+    std::fill_n(sums() + width_, reach_, sums()[width_ - 1]);
+    return sums();
+  }
 
  private:
+  float* sums() { return all_.data() + reach_; }
+
   int width_, reach_;
   std::vector<float> all_;
 };
@@ -43,14 +45,15 @@ void EdgeEnhancement::enhance(const PixelPlane& picture, PixelPlane& enhanced) c
   const auto row_at = [&](int j) { return picture.data() + size_.row(std::clamp(j, 0, size_.height - 1)); };
   for_bands(size_, [&](int first, int end) {
     PaddedSums near(size_.width, reach_), wide(size_.width, reach_);
-    std::vector<const float*> rows;
     for (int j = first; j < end; ++j) {
-      rows.clear();
-      for (int k = j - reach_; k <= j + reach_; ++k) rows.push_back(row_at(k));
-      wide.add_up(rows);
-      near.add_up(std::span(rows).subspan(static_cast<std::size_t>(reach_) - 1, 3));
-      enhanced_row(row_at(j), near.data(), wide.data(), {reach_, kStrength, kMost}, size_.width,
-                   enhanced.data() + size_.row(j));
+      near.begin();
+      for (int k = j - 1; k <= j + 1; ++k) near.add(row_at(k));
+      if (j > first)
+        wide.move(row_at(j + reach_), row_at(j - reach_ - 1));
+      else
+        for (int k = j - reach_; k <= j + reach_; ++k) wide.add(row_at(k));
+      enhanced_row(row_at(j), near.padded(), wide.padded(), {reach_, kStrength, kMostDarker, kMostLighter},
+                   size_.width, enhanced.data() + size_.row(j));
     }
   });
 }

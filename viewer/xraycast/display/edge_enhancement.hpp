@@ -6,11 +6,13 @@ namespace xraycast {
 
 /// Makes edges, wires and catheters stand out: adds a share of what the mean of 3 x 3 pixels has above the
 /// mean of some 3 mm about it. So what is enhanced has the size of instruments, and is less noisy than a
-/// pixel; of strong edges, as of the lung, no more is added than of a catheter, so that they have no halos.
+/// pixel; of strong edges, as of the lung, no more is added than of a catheter, and half as much on
+/// their light side, so that they have no halos.
 class EdgeEnhancement {
  public:
   static constexpr float kStrength = 0.8f;  // chosen by eye, as the width: units' settings are not published
-  static constexpr float kMost = 0.1f;      ///< of the logarithm, before the strength
+  /// Of the logarithm, before the strength: where it makes darker, and lighter, as beside metal.
+  static constexpr float kMostDarker = 0.1f, kMostLighter = 0.05f;
 
   /// `pixel_mm`: at the isocentre.
   EdgeEnhancement(const PictureSize& size, double pixel_mm);

@@ -1,5 +1,7 @@
 #include "xraycast/display/starved_pixels.hpp"
 
+#include "xraycast/display/display_loops.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -34,8 +36,9 @@ const PixelPlane& StarvedPixels::calmed(const std::vector<std::uint16_t>& codes,
   });
   if (std::none_of(is_starved_.begin(), is_starved_.end(), [](char is_starved) { return is_starved; }))
     return logarithm;
-  calmed_ = logarithm;
   for_bands(size_, [&](int first, int end) {
+    std::copy_n(logarithm.data() + size_.row(first), size_.row(end - first),
+                calmed_.data() + size_.row(first));
     for (int j = first; j < end; ++j)
       if (is_starved_[static_cast<std::size_t>(j)]) calm_row(j, codes, limit);
   });
@@ -43,33 +46,25 @@ const PixelPlane& StarvedPixels::calmed(const std::vector<std::uint16_t>& codes,
 }
 
 void StarvedPixels::calm_row(int j, const std::vector<std::uint16_t>& codes, float starved_below) {
-  constexpr std::size_t kAside = kReach, kSide = 2 * kAside + 1;
-  constexpr auto kPixels = static_cast<float>(kSide * kSide);
   const auto width = static_cast<std::size_t>(size_.width);
   // Sums of columns, which beyond the ends are as there.
   thread_local PixelPlane sums;
-  sums.assign(width + 2 * kAside, 0);
+  sums.assign(width + 2 * kReach, 0);
   for (int k = j - kReach; k <= j + kReach; ++k) {
     const std::uint16_t* const row = codes.data() + size_.row(std::clamp(k, 0, size_.height - 1));
-    for (std::size_t i = 0; i < width; ++i) sums[i + kAside] += row[i];
+    for (std::size_t i = 0; i < width; ++i) sums[i + kReach] += row[i];
   }
-  for (std::size_t i = 0; i < kAside; ++i) {
-    sums[i] = sums[kAside];
-    sums[width + kAside + i] = sums[width + kAside - 1];
-  }
-  const std::uint16_t* const row = codes.data() + size_.row(j);
-  float* const out = calmed_.data() + size_.row(j);
-  for (std::size_t i = 0; i < width; ++i) {
-    float sum = 0;
-    for (std::size_t k = 0; k < kSide; ++k) sum += sums[i + k];
-    const float mean = sum / kPixels - noise_.dark;
-    if (mean >= starved_below) continue;
-    const float level = std::max({mean, kLeastNoises * noise_.electronic, 1.0f}),
-                noise = std::sqrt(noise_.electronic * noise_.electronic + noise_.per_code * level),
-                share = std::min(1.0f, kMostNoise * level / noise);
-    out[i] = std::log(
-        std::max(level + share * (static_cast<float>(row[i]) - noise_.dark - level), kLeastShare * level));
-  }
+  std::fill_n(sums.begin(), kReach, sums[kReach]);
+  std::fill_n(sums.end() - kReach, kReach, sums[width + kReach - 1]);
+  const Calming by{.dark = noise_.dark,
+                   .below = starved_below,
+                   .electronic = noise_.electronic,
+                   .per_code = noise_.per_code,
+                   .most_noise = kMostNoise,
+                   .least_share = kLeastShare,
+                   .least_level = std::max(kLeastNoises * noise_.electronic, 1.0f)};
+  calmed_row(codes.data() + size_.row(j), sums.data() + kReach, by, size_.width,
+             calmed_.data() + size_.row(j));
 }
 
 }  // namespace xraycast

@@ -20,7 +20,7 @@ struct CodeNoise {
 /// they are.
 class StarvedPixels {
  public:
-  explicit StarvedPixels(const PictureSize& size) : size_(size) {}
+  explicit StarvedPixels(const PictureSize& size) : size_(size), calmed_(size.pixels()) {}
 
   void set_noise(const CodeNoise& noise) { noise_ = noise; }
 

@@ -37,8 +37,8 @@ class TemporalFilter {
   bool is_first_ = true, is_noise_new_ = true;
   PixelPlane average_;
   PixelPlane difference_;             ///< with a margin of pixels of 0
-  PixelPlane summed_;                 ///< it over 3 x 3 pixels, with a margin of kLineReach pixels of 0
-  PixelPlane lines_;                  ///< the strongest line through each pixel
+  std::vector<std::int16_t> summed_;  ///< it over 3 x 3 pixels, with a margin of kLineReach pixels of 0
+  std::vector<std::int16_t> lines_;   ///< the strongest line through each pixel
   PixelPlane means_;                  ///< of it in each cell
   PixelPlane usual_;                  ///< what of it noise makes there, as far as earlier frames tell
   std::vector<std::uint8_t> moved_;   ///< pixels where lines are far above it, with a margin
