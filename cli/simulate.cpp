@@ -115,6 +115,7 @@ class Cine {
                                 .picture = picture_with_masks(options, request.body),
                                 .implants = surfaces_of(implants),
                                 .injection = parse_injection(options.injection),
+                                .black = parse_black(options.subtraction),
                                 .blood = request.blood,
                                 .body = request.body};
     if (request.body.motion && !map->keys)
@@ -149,6 +150,12 @@ class Cine {
 
   RunUse use() const { return run_->use(); }
   std::optional<ExposureRecord> exposure() const { return run_->acquisition().record(); }
+  /// What is black in a subtraction's picture; none of other looks, and of DICOM, which is not yet
+  /// subtracted.
+  std::optional<double> black() const {
+    if (!run_->options().picture.acquisition.subtracts || !file_->is_shown()) return std::nullopt;
+    return run_->subtraction_black();
+  }
   /// "scan" or "new"; empty where the cine is not DICOM.
   const std::string& frame_of_reference() const { return frame_of_reference_; }
 
@@ -164,10 +171,11 @@ void check_cine(const SimulateArguments& options) {
   if (options.cine.empty()) {
     if (parse_fluoroscope(options.fluoroscope))
       throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
-    return check_not_given(*options.command,
-                           {"--map", "--look", "--mask-shift", "--mask-phase", "--max-opacification",
-                            "--gate", "--angle", "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
-                           "without pictures of the run; leave it out or give --cine too");
+    return check_not_given(
+        *options.command,
+        {"--map", "--look", "--mask-shift", "--mask-phase", "--dsa-black", "--max-opacification", "--gate",
+         "--angle", "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
+        "without pictures of the run; leave it out or give --cine too");
   }
   const PictureOptions picture = picture_of(options);
   const bool subtracts = picture.acquisition.subtracts;
@@ -299,6 +307,7 @@ Json json_of(const Simulated& done, const RunRequest& request, const SimulateArg
   Json json = json_of(done.run, request, options, done.wall_s);
   if (done.cine && !done.cine->frame_of_reference().empty())
     json["frame_of_reference"] = done.cine->frame_of_reference();
+  if (const auto black = done.cine ? done.cine->black() : std::nullopt) json["dsa_black"] = *black;
   if (done.monitor) json["report"] = Json::parse(done.monitor->json(false));
   for (const Embolised& embolised : done.run.embolised)
     json["embolised"].push_back({{"branch", embolised.branch},
@@ -326,6 +335,11 @@ std::string lines_of(const Simulated& done, const RunRequest& request, const Sim
   constexpr std::size_t kMostShown = 12;
   for (const Embolised& embolised : most_first(run.embolised, kMostShown)) add(in_words(embolised));
   if (const auto exposure = done.cine ? done.cine->exposure() : std::nullopt) lines += summary(*exposure);
+  if (const auto black = done.cine ? done.cine->black() : std::nullopt)
+    add(fmt::format(
+        "subtraction: an optical depth of {:.3g} is black; films to compare with this one take it by "
+        "--dsa-black {:.3g}",
+        *black, *black));
   for (const fs::path& file : plots_of(options)) add(fmt::format("{}: written", file.string()));
   for (const std::string& file : {options.pressure_plot, options.cine, options.report})
     if (!file.empty()) add(fmt::format("{}: written", file));

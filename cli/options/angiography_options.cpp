@@ -72,6 +72,13 @@ void add_subtraction_options(CLI::App& command, SubtractionOptions& options) {
                   "dsa: pixel shift of the mask before subtraction; fractions are allowed")
       ->type_name("RIGHT,DOWN");
   add_mask_phase_option(command, options);
+  command
+      .add_option(
+          "--dsa-black", options.black,
+          "dsa: the optical depth of iodine that is black, for films that are compared. Without it that "
+          "across the vessel at the tip, were it healthy, filled as the injection fills it; the result "
+          "tells it")
+      ->type_name("0.01..10");
   command.add_flag("--max-opacification", options.shows_maximum_opacification,
                    "dsa: every pixel keeps its densest value so far (maximum opacification)");
 }
@@ -83,6 +90,13 @@ PixelShift parse_mask_shift(const SubtractionOptions& options) {
   if (pixels.size() != 2 || !(std::abs(pixels[0]) <= kMost && std::abs(pixels[1]) <= kMost))
     throw InputError("--mask-shift {}: must be RIGHT,DOWN in pixels, up to {:g}", options.mask_shift, kMost);
   return {pixels[0], pixels[1]};
+}
+
+std::optional<double> parse_black(const SubtractionOptions& options) {
+  constexpr double kLeast = 0.01, kMost = 10;
+  if (options.black && !(*options.black >= kLeast && *options.black <= kMost))
+    throw InputError("--dsa-black {:g}: must be {:g} to {:g}", *options.black, kLeast, kMost);
+  return options.black;
 }
 
 std::optional<MaskMatching> matching_of(const SubtractionOptions& options, const Motion* motion) {
@@ -103,6 +117,7 @@ void check_subtraction(const SubtractionOptions& options, bool subtracts, const 
                        option, file);
   };
   check(!options.mask_shift.empty(), "--mask-shift");
+  check(options.black.has_value(), "--dsa-black");
   check(!options.mask_phase.empty(), "--mask-phase");
   check(options.shows_maximum_opacification, "--max-opacification");
 }

@@ -24,9 +24,10 @@ void add_injection_options(CLI::App& command, InjectionOptions& options);
 /// None, of no duration, where --inject was not given. Throws InputError.
 Injection parse_injection(const InjectionOptions& options);
 
-/// --mask-shift and --max-opacification, as given.
+/// --mask-shift, --dsa-black and --max-opacification, as given.
 struct SubtractionOptions {
   std::string mask_shift, mask_phase;
+  std::optional<double> black;
   bool shows_maximum_opacification = false;
 };
 
@@ -37,6 +38,9 @@ void add_mask_phase_option(CLI::App& command, SubtractionOptions& options);
 
 /// RIGHT,DOWN; no shift for an empty text. Throws InputError.
 PixelShift parse_mask_shift(const SubtractionOptions& options);
+
+/// --dsa-black. Throws InputError.
+std::optional<double> parse_black(const SubtractionOptions& options);
 
 /// --mask-phase, given in a body that moves by that motion; none where it was not given. Throws InputError,
 /// also for a null motion.

@@ -244,6 +244,8 @@ const BadCall kBadCalls[] = {
      "--heart-rate excludes --heart-waveform", make_run},
     {"SubtractNothing", SIMULATE_DSA, 3, "--look dsa: there is no contrast agent to show; add --inject",
      make_run},
+    {"BlackOfNothing", SIMULATE_DSA " --inject 0.5,0.9 --dsa-black 0", 3, "--dsa-black 0: must be 0.01 to 10",
+     make_run},
     {"ShiftNoMask", SIMULATE_DSA " --inject 0.5,0.9 --mask-shift 1", 3,
      "--mask-shift 1: must be RIGHT,DOWN in pixels", make_run},
     {"ShiftAMaskOfNothing",

@@ -253,6 +253,13 @@ TEST_F(SimulateCommand, SubtractsARunFromItsFramesBeforeTheInjection) {
   EXPECT_LT(greys("dsa", 8).first, kBackground - 70) << "contrast agent";
   EXPECT_EQ(greys("dsa", 8).second, kBackground) << "and nothing else";
 
+  // What it chose, given, shows the same, and twice of it half the contrast.
+  const double black = Json::parse(output_of(line + "--cine @/told --json"))["dsa_black"];
+  output_of(line + fmt::format("--cine @/same --dsa-black {}", black));
+  output_of(line + fmt::format("--cine @/half --dsa-black {}", 2 * black));
+  EXPECT_EQ(read_bytes(folder_ / "same/frame-008.png"), read_bytes(folder_ / "dsa/frame-008.png"));
+  EXPECT_NEAR(kBackground - greys("half", 8).first, 0.5 * (kBackground - greys("dsa", 8).first), 1);
+
   output_of(line + "--cine @/max --max-opacification --injection-rate 10");
   EXPECT_LT(greys("max", 9).first, kBackground - 70) << "still there when it is washed out";
 

@@ -17,12 +17,11 @@
 namespace xraycast {
 namespace {
 
-/// Of the point of the tree at a place or next beyond it.
 double healthy_radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
-  const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(place.branch)];
-  const auto beyond = std::ranges::lower_bound(branch.arc_length_mm, place.arc_length_mm);
-  return healthy_radii_mm(branch)[static_cast<std::size_t>(
-      std::min(beyond - branch.arc_length_mm.begin(), std::ssize(branch.points) - 1))];
+  VesselBranch branch = tree.branches()[static_cast<std::size_t>(place.branch)];
+  const std::vector<double> healthy_mm = healthy_radii_mm(branch);
+  for (std::size_t k = 0; k < branch.points.size(); ++k) branch.points[k].radius_mm = healthy_mm[k];
+  return point_at(branch, place.arc_length_mm).radius_mm;
 }
 
 double pulse_s(const AcquisitionOptions& options) {
@@ -61,6 +60,7 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
   }
   renderer_.set_map(std::move(map));
   renderer_.set_implants(options.implants);
+  if (options.black) window_.black = *options.black;
   blur_ = {.pulse_s = pulse_s(options.picture.acquisition), .pixel_mm = pixel_at_axis_mm(options.view)};
   Style& style = options_.picture.style;
   style.window = automatic_window(renderer_, options_.view, style);
@@ -125,7 +125,7 @@ void RunCine::inject(const Instruments& instruments, double time_s) {
   }
   last_s_ = time_s;
   while (next_flow_s_ <= time_s) next_flow_s_ += options_.step_s;
-  if (is_before_injection(time_s)) window_.black = opacified_tau(tip);
+  if (!options_.black && is_before_injection(time_s)) window_.black = opacified_tau(tip);
 }
 
 /// Where walls have yielded since the last frame.
@@ -145,8 +145,7 @@ bool RunCine::is_before_injection(double time_s) const {
   return time_s <= options_.injection.from_s || acquisition_.mask_frames() == 0;
 }
 
-/// Across the vessel at the tip, were it healthy, filled with the agent as the blood dilutes it: films before
-/// and after a treatment have one window.
+/// See Options::black. As of the healthy vessel, films before and after a treatment have one window.
 double RunCine::opacified_tau(const VesselTree::Location& tip) const {
   const Injection& injection = options_.injection;
   const double diluted = std::min(1.0, injection.rate_ml_s / bolus_.mean_flow_ml_s(tip.branch));

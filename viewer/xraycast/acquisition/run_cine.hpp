@@ -34,6 +34,9 @@ class RunCine {
     double step_s = 0.1;              ///< between frames; a fluoroscope's follow its pulses
     std::vector<Surface> implants{};  ///< objects in the body, which do not move
     Injection injection;              ///< none: of no duration
+    /// Of a subtraction's picture(), the optical depth that is black. None: that across the vessel at the
+    /// tip, were it healthy, filled with the agent as the blood dilutes it.
+    std::optional<double> black{};
     Blood blood;
     /// Of the run: the contrast agent moves by it, and the map too, if it is one that moves; the road map
     /// stays as it was taken, at phase 0. Frames wait for its gate.
@@ -61,6 +64,9 @@ class RunCine {
 
   const Options& options() const { return options_; }  ///< with the time between its frames
   const Acquisition& acquisition() const { return acquisition_; }
+
+  /// Of a subtraction, the optical depth that picture() shows black; it stays from the injection on.
+  double subtraction_black() const { return window_.black; }
 
   /// The most frames of a run of that time.
   std::int64_t most_frames(double longest_s) const;
