@@ -338,7 +338,7 @@ std::string lines_of(const Simulated& done, const RunRequest& request, const Sim
   if (const auto black = done.cine ? done.cine->black() : std::nullopt)
     add(fmt::format(
         "subtraction: an optical depth of {:.3g} is black; films to compare with this one take it by "
-        "--dsa-black {:.3g}",
+        "--dsa-black {}",
         *black, *black));
   for (const fs::path& file : plots_of(options)) add(fmt::format("{}: written", file.string()));
   for (const std::string& file : {options.pressure_plot, options.cine, options.report})
@@ -400,7 +400,7 @@ void add_simulate(CLI::App& app, Invocation& invocation) {
       "were to be detached so far.",
       [options, &invocation] { simulate(*options, invocation); });
   options->command = command;
-  command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
+  command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with one")
       ->required()
       ->type_name("TREE");
   add_coaxial_options(*command, options->run);

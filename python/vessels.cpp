@@ -186,7 +186,7 @@ void add_tree(nb::module_& module) {
             return HeldTree{std::make_shared<const VesselTree>(read_tree(path_of(path)))};
           },
           nb::arg("path"),
-          "Reads .vtp or .json, or the tree.vtp of a folder that `xraycast segment` wrote, with the names of "
+          "Reads .vtp or .json, or that of a folder that `xraycast segment` wrote, with the names of "
           "its names.json.")
       .def(
           "write", [](const HeldTree& t, const PathArgument& path) { write_tree(*t.tree, path_of(path)); },
@@ -330,10 +330,8 @@ void add_vessels(nb::module_& module) {
            nb::sig("def write(self, folder: str | os.PathLike[str], *, progress: xraycast._progress.Listener "
                    "| None = None) -> list[str]"),
            "Writes mask.nrrd, lumen.nrrd, tree.vtp, tree.json, surface.vtp, surface.stl and, for a DICOM "
-           "series, "
-           "mask.seg.dcm into a folder: all of them or none. Returns what became of an earlier folder's "
-           "edited "
-           "names and files, a line each.")
+           "series, mask.seg.dcm into a folder: all of them or none. Returns what became of an earlier "
+           "folder's edited names and files, a line each.")
       .def("__repr__", [](const HeldVessels& v) {
         return fmt::format("<xraycast.Vessels: {} branches>", v.found->centrelines.tree.branches().size());
       });

@@ -2,6 +2,7 @@
 
 #include "options/command.hpp"
 #include "options/view_options.hpp"
+#include "xraycast/acquisition/run_cine.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/projection/xa_file.hpp"
 
@@ -93,7 +94,7 @@ PixelShift parse_mask_shift(const SubtractionOptions& options) {
 }
 
 std::optional<double> parse_black(const SubtractionOptions& options) {
-  constexpr double kLeast = 0.01, kMost = 10;
+  constexpr double kLeast = RunCine::kLeastBlack, kMost = RunCine::kMostBlack;
   if (options.black && !(*options.black >= kLeast && *options.black <= kMost))
     throw InputError("--dsa-black {:g}: must be {:g} to {:g}", *options.black, kLeast, kMost);
   return options.black;

@@ -87,7 +87,7 @@ void add_flow(CLI::App& app, Invocation& invocation) {
                                   "to the aorta's are fractional flow\n"
                                   "reserves.",
                                   [options, &invocation] { flow(*options, invocation); });
-  command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
+  command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with one")
       ->required()
       ->type_name("TREE");
   command->add_option("-o,--output", options->table, "Write a table too, a line a branch")->type_name("CSV");

@@ -253,7 +253,8 @@ TEST_F(SimulateCommand, SubtractsARunFromItsFramesBeforeTheInjection) {
   EXPECT_LT(greys("dsa", 8).first, kBackground - 70) << "contrast agent";
   EXPECT_EQ(greys("dsa", 8).second, kBackground) << "and nothing else";
 
-  // What it chose, given, shows the same, and twice of it half the contrast.
+  // What it chose, given, shows the same, and twice of it half the contrast, but for the rounding of two
+  // greys.
   const double black = Json::parse(output_of(line + "--cine @/told --json"))["dsa_black"];
   output_of(line + fmt::format("--cine @/same --dsa-black {}", black));
   output_of(line + fmt::format("--cine @/half --dsa-black {}", 2 * black));

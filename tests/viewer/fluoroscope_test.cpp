@@ -17,6 +17,7 @@
 #include <numbers>
 #include <numeric>
 #include <tbb/global_control.h>
+#include <tbb/task_arena.h>
 
 namespace xraycast::fluoroscope_test {
 namespace {
@@ -130,9 +131,11 @@ TEST(Fluoroscope, PicturesAreThoseOfTheirSeedWhateverTheThreads) {
   const auto second_frame = [&](std::uint32_t seed, std::size_t threads) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     options.seed = seed;
-    Fluoroscope fluoroscope(options, square_view(), ten_per_metre());
-    fluoroscope.expose(slab(15));
-    return FluoroscopyFrame(fluoroscope.expose(slab(15)));
+    return tbb::task_arena(static_cast<int>(threads)).execute([&] {
+      Fluoroscope fluoroscope(options, square_view(), ten_per_metre());
+      fluoroscope.expose(slab(15));
+      return FluoroscopyFrame(fluoroscope.expose(slab(15)));
+    });
   };
   const FluoroscopyFrame one = second_frame(7, 1), same = second_frame(7, 5), other = second_frame(8, 2);
   EXPECT_EQ(one.signal_kev, same.signal_kev);

@@ -28,9 +28,9 @@ class CancelScope {
 /// parallel_for.
 void check_cancelled();
 
-/// Calls `work(i)` once for every i in [0, count), on all cores, or on as many as XRAYCAST_THREADS says at
-/// the first call, in no particular order, and returns when all calls have. The first exception, or the end
-/// of the current CancelScope's work, ends the loop early and is thrown here.
+/// Calls `work(i)` once for every i in [0, count), on all cores, or at most as many as XRAYCAST_THREADS says
+/// at the first call, in no particular order, and returns when all calls have. The first exception, or the
+/// end of the current CancelScope's work, ends the loop early and is thrown here.
 void parallel_for(std::int64_t count, const std::function<void(std::int64_t)>& work);
 
 }  // namespace xraycast

@@ -41,7 +41,7 @@ bool is_centreline_file(const std::filesystem::path& path);
 ///   end, with parents.
 /// - `.csv`: columns x, y, z (or 3D Slicer's l, p, s or r, a, s), radius or diameter, and branch; other
 ///   columns are ignored.
-/// - `.json`, or a folder with tree.vtp: read_tree's.
+/// - `.json`, or a folder with tree.vtp or tree.json: read_tree's.
 ///
 /// Nothing in the file is trusted. Throws InputError, naming file and field, also for points without a radius
 /// where none is given (`radius_mm`), one that is given where all have theirs, and for numbers beyond any

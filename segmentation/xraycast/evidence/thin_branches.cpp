@@ -249,7 +249,7 @@ class Growth {
   struct Voxel {
     float level;  ///< the darkest on the way to it
     std::size_t at;
-    int weak;  ///< how many voxels of weak evidence it ends
+    int weak;  ///< how many voxels of weak evidence the brightest way to it ends in
     bool operator<(const Voxel& other) const { return level < other.level; }
   };
 
@@ -274,7 +274,7 @@ class Growth {
   }
 
   void visit_neighbours(const Voxel& from) {
-    constexpr int kMostWeak = 5;
+    constexpr int kMostWeak = 5;  // of vessels; others take none, so as not to grow along walls
     const Index3 voxel = voxel_at(geometry_, static_cast<std::int64_t>(from.at));
     for (const Index3& by : kNeighbours) {
       const Index3 next = voxel + by;
@@ -283,10 +283,10 @@ class Growth {
       if (owner_[at] != kNobody) continue;
       const Evidence evidence = test_.of_branch(at);
       const int weak = evidence == Evidence::weak ? from.weak + 1 : 0;
-      if (weak > (owner_[from.at] == kVessels ? kMostWeak : 0)) continue;  // another way to it may be better
-      owner_[at] = evidence == Evidence::none ? static_cast<std::uint8_t>(kNone) : owner_[from.at];
-      if (evidence != Evidence::none)
-        queue_.push({std::min(from.level, static_cast<float>(test_.hu(at))), at, weak});
+      const bool goes_on =
+          evidence != Evidence::none && weak <= (owner_[from.at] == kVessels ? kMostWeak : 0);
+      owner_[at] = goes_on ? owner_[from.at] : static_cast<std::uint8_t>(kNone);
+      if (goes_on) queue_.push({std::min(from.level, static_cast<float>(test_.hu(at))), at, weak});
     }
   }
 

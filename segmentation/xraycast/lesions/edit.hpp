@@ -15,8 +15,7 @@ namespace xraycast {
 
 /// Lesions and variants of a vessel tree.
 struct EditRequest {
-  std::filesystem::path
-      input;  ///< a folder with tree.vtp and, where it has them, surface and masks; or a tree
+  std::filesystem::path input;  ///< a folder with a tree and, where it has them, surface and masks; or a tree
   Edits edits;
   int random = 0;          ///< lesions that are drawn by chance, besides
   std::uint64_t seed = 1;  ///< of these

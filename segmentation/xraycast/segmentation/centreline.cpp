@@ -88,46 +88,58 @@ MiddleEnd middle_end(const Line& line, const Lumen& lumen, double step_mm) {
   constexpr double kSmaller = 0.85, kReach = 3;  // of and in the largest radius
   std::vector<double> radii_mm;                  // from the end on
   double largest_mm = 0;
-  do {
-    radii_mm.push_back(lumen.inscribed_radius_mm(line[line.size() - 1 - radii_mm.size()]));
-    largest_mm = std::max(largest_mm, radii_mm.back());
-  } while (radii_mm.size() < line.size() &&
-           static_cast<double>(radii_mm.size()) * step_mm <= kReach * largest_mm);
+  for (std::size_t back = 0;
+       back < line.size() && static_cast<double>(back) * step_mm <= kReach * largest_mm + step_mm; ++back) {
+    const glm::dvec3& point = line[line.size() - 1 - back];
+    const double radius_mm = lumen.inscribed_radius_mm(point);
+    if (back > 0 && glm::distance(point, line.front()) < radius_mm) break;  // where it leaves a wider vessel
+    radii_mm.push_back(radius_mm);
+    largest_mm = std::max(largest_mm, radius_mm);
+  }
   const auto fits = std::ranges::find_if(radii_mm, [&](double mm) { return mm >= kSmaller * largest_mm; });
   return {line.size() - 1 - static_cast<std::size_t>(fits - radii_mm.begin()), largest_mm};
 }
 
-/// Lets a line of a vessel that goes on beyond the scan reach the scan's side, from where it was last in the
-/// middle. What is narrower there is an end of its own.
-void reach_border(Line& line, const Lumen& lumen, double step_mm) {
+/// The way from a point of a line on to the scan's side; none where the vessel is narrower before that.
+std::optional<Line> way_to_border(const Line& line, const MiddleEnd& from, const Lumen& lumen,
+                                  double step_mm) {
   constexpr std::size_t kTangentReach = 6;
   constexpr double kFarthest = 4, kWiden = 1.3;  // in radii: pitted, and flat where a vessel is about to fork
   constexpr double kAsWide = 0.75, kAside = 0.25, kTurn = 0.15;  // of the radius; by each step
-  const auto [last, radius_mm] = middle_end(line, lumen, step_mm);
-  const std::size_t back = std::max(kTangentReach, static_cast<std::size_t>(radius_mm / step_mm)),
-                    middle = last - std::min(last, back);
-  glm::dvec3 along = tangent_at(line, middle, back), end = line[last];
+  const std::size_t back = std::max(kTangentReach, static_cast<std::size_t>(from.largest_mm / step_mm)),
+                    middle = from.last - std::min(from.last, back);
+  glm::dvec3 along = tangent_at(line, middle, back), end = line[from.last];
   const auto section_at = [&](const glm::dvec3& p) {
-    return cross_section(lumen, p, along, kWiden * radius_mm);
+    return cross_section(lumen, p, along, kWiden * from.largest_mm);
   };
-  const double least_mm = kAsWide * section_at(line[middle]).radius_mm;
-  Line added;
-  for (int step = 1; step * step_mm < kFarthest * radius_mm; ++step) {
+  const double least_mm = kAsWide * std::min(section_at(line[middle]).radius_mm, section_at(end).radius_mm);
+  Line way;
+  for (int step = 1; step * step_mm < kFarthest * from.largest_mm; ++step) {
     const glm::dvec3 straight_on = end + step_mm * along;
-    if (!lumen.contains(straight_on)) {
-      line.resize(last + 1);
-      line.insert(line.end(), added.begin(), added.end());
-      return;
-    }
+    if (!lumen.contains(straight_on)) return way;
     const CrossSection section = section_at(straight_on);
-    if (section.radius_mm < least_mm) return;
+    if (section.radius_mm < least_mm) return std::nullopt;
     const glm::dvec3 shift = section.to_middle_mm,
                      next = straight_on +
                             std::min(1.0, kAside * step_mm / std::max(glm::length(shift), 1e-9)) * shift;
     along = glm::normalize(glm::mix(along, glm::normalize(next - end), kTurn));
-    added.push_back(next);
+    way.push_back(next);
     end = next;
   }
+  return std::nullopt;
+}
+
+/// Lets a line of a vessel that goes on beyond the scan reach the scan's side, from where it was last in the
+/// middle, or else from its end.
+void reach_border(Line& line, const Lumen& lumen, double step_mm) {
+  const MiddleEnd middle = middle_end(line, lumen, step_mm),
+                  end{line.size() - 1, lumen.inscribed_radius_mm(line.back())};
+  for (const MiddleEnd& from : {middle, end})
+    if (const std::optional<Line> way = way_to_border(line, from, lumen, step_mm)) {
+      line.resize(from.last + 1);
+      line.insert(line.end(), way->begin(), way->end());
+      return;
+    }
 }
 
 /// Which ends of a line may be moved; where it meets others it stays.

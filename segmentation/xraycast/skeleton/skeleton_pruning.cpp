@@ -112,8 +112,8 @@ class SkeletonPruner {
     const auto [a, b] = edge(e).nodes;
     if (is_leaf(a) == is_leaf(b)) return std::nullopt;
     const int fork = is_leaf(a) ? b : a, tip = is_leaf(a) ? a : b;
-    return length_mm(edge(e).points_mm) + to_side_mm(e, tip) - radius_mm(fork) -
-           std::max(spur_mm_, radius_mm(tip));
+    const double mm = length_mm(edge(e).points_mm) - radius_mm(fork) - std::max(spur_mm_, radius_mm(tip));
+    return mm < 0 ? mm + to_side_mm(e, tip) : mm;
   }
 
   /// From a tip straight on in the lumen to the scan's side, if that is near; else 0.

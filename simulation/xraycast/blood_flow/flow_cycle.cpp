@@ -32,14 +32,13 @@ struct CycleSteps {
         step_s(heart.period_s() / count) {}
 };
 
-/// A tree may begin at the groin, and the heart does not.
+/// A tree may begin in an artery of the groin, and the heart does not.
 std::vector<std::string> notes_on_root(const VesselTree& tree) {
-  const std::vector<VesselBranch>& branches = tree.branches();
   const auto is_aorta = [](const VesselBranch& branch) {
-    return branch.name.find("aort") != std::string::npos;
+    return branch.name == "aorta" || branch.name.ends_with(" aorta");
   };
-  if (is_aorta(branches[static_cast<std::size_t>(tree.root())]) || std::ranges::none_of(branches, is_aorta))
-    return {};
+  const std::string& root = tree.branches()[static_cast<std::size_t>(tree.root())].name;
+  if (!root.ends_with(" artery") || std::ranges::none_of(tree.branches(), is_aorta)) return {};
   return {fmt::format(
       "the tree's root is {}, and blood comes in there, although the tree has an aorta: make it anew with "
       "`root_mm` at the aorta's end",

@@ -149,7 +149,9 @@ bool RunCine::is_before_injection(double time_s) const {
 double RunCine::opacified_tau(const VesselTree::Location& tip) const {
   const Injection& injection = options_.injection;
   const double diluted = std::min(1.0, injection.rate_ml_s / bolus_.mean_flow_ml_s(tip.branch));
-  return 2 * healthy_radius_mm(tree_, tip) * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted);
+  return std::clamp(
+      2 * healthy_radius_mm(tree_, tip) * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted),
+      kLeastBlack, kMostBlack);
 }
 
 /// So much later, at which the script has another time: the contrast agent's surface follows the

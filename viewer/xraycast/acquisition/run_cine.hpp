@@ -34,14 +34,15 @@ class RunCine {
     double step_s = 0.1;              ///< between frames; a fluoroscope's follow its pulses
     std::vector<Surface> implants{};  ///< objects in the body, which do not move
     Injection injection;              ///< none: of no duration
-    /// Of a subtraction's picture(), the optical depth that is black. None: that across the vessel at the
-    /// tip, were it healthy, filled with the agent as the blood dilutes it.
+    /// Of a subtraction's picture(), the optical depth that is black, kLeastBlack to kMostBlack. None: that
+    /// across the vessel at the tip, were it healthy, filled with the agent as the blood dilutes it.
     std::optional<double> black{};
     Blood blood;
     /// Of the run: the contrast agent moves by it, and the map too, if it is one that moves; the road map
     /// stays as it was taken, at phase 0. Frames wait for its gate.
     BodyRequest body{};
   };
+  static constexpr double kLeastBlack = 0.01, kMostBlack = 10;
   /// What a run of subtraction shows before the injection; with masks of phases at least a cycle of them.
   static constexpr double kMask_s = 0.5;
 

@@ -56,7 +56,7 @@ void calmed_row(const std::uint16_t* __restrict codes, const float* __restrict c
 XRAYCAST_WIDE_VECTORS
 void summed_row(const float* __restrict above, const float* __restrict row, const float* __restrict below,
                 int count, std::int16_t* __restrict out) {
-  constexpr float kPerUnit = 1000, kMost = kMostSummed;
+  constexpr float kPerUnit = 1000, kMost = 3600;
   for (int i = 0; i < count; ++i) {
     const float sum = kPerUnit * (above[i] + above[i + 1] + above[i + 2] + row[i] + row[i + 1] + row[i + 2] +
                                   below[i] + below[i + 1] + below[i + 2]);

@@ -34,9 +34,9 @@ struct Calming {
 void calmed_row(const std::uint16_t* codes, const float* columns, const Calming& by, int count,
                 float* logarithm);
 
-/// Sums over 3 x 3 pixels, in thousandths, up to kMostSummed of them. Rows have one pixel more on both sides.
+/// Sums over 3 x 3 pixels, in thousandths, up to 3600 of them: nine are below 32768. Rows have one pixel more
+/// on both sides.
 void summed_row(const float* above, const float* row, const float* below, int count, std::int16_t* out);
-inline constexpr int kMostSummed = 3600;  // nine of them are below 32768
 
 /// The largest of lines[i] and of the absolute sum along the line through pixel i: nine pixels, each `step`
 /// further in memory than the one before it.

@@ -56,6 +56,7 @@ void StarvedPixels::calm_row(int j, const std::vector<std::uint16_t>& codes, flo
   }
   std::fill_n(sums.begin(), kReach, sums[kReach]);
   std::fill_n(sums.end() - kReach, kReach, sums[width + kReach - 1]);
+  static_assert(kReach == 2, "calmed_row sums five columns");
   const Calming by{.dark = noise_.dark,
                    .below = starved_below,
                    .electronic = noise_.electronic,

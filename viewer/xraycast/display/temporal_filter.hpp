@@ -21,7 +21,8 @@ class TemporalFilter {
   /// The next frame is shown as it is.
   void forget() { is_first_ = true; }
 
-  /// The next frame, one value a pixel.
+  /// The next frame, a logarithm a pixel. What sums over 3 x 3 pixels change by less than 0.001, and by more
+  /// than 3.6, is no motion.
   void add(const PixelPlane& frame);
 
   const PixelPlane& average() const { return average_; }

@@ -24,8 +24,7 @@ Mesh mesh_of_folder(const std::filesystem::path& folder) {
   if (!tree_file_in(folder).empty()) return tube_mesh(read_tree(folder));
   throw InputError(
       "{}: the folder holds neither a surface (surface.vtp, surface.stl) nor a tree (tree.vtp, tree.json); "
-      "give "
-      "the one that `xraycast segment` wrote",
+      "give the one that `xraycast segment` wrote",
       folder.string());
 }
 

@@ -14,7 +14,7 @@
 namespace xraycast {
 
 /// Vessels as a surface to draw: a mesh (see read_mesh), or a folder that `segment` or `phantom --truth`
-/// wrote, with surface.vtp or surface.stl, or else tree.vtp, which is meshed as tubes. In fluoro they hold
+/// wrote, with surface.vtp or surface.stl, or else its tree, which is meshed as tubes. In fluoro they hold
 /// blood with this iodine concentration. Throws InputError.
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
 
