@@ -2,38 +2,30 @@
 
 #include "xraycast/base/progress.hpp"
 
-#include <cstddef>
-#include <cstdlib>
-#include <memory>
-#include <mutex>
-#include <tbb/global_control.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 #include <unistd.h>
 #include <utility>
 
+// Debian's oneTBB does not tell ThreadSanitizer how its threads wait for each other.
 #if defined(__SANITIZE_THREAD__)
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
 #include <thread>
 #include <vector>
+#else
+#include <cstddef>
+#include <cstdlib>
+#include <memory>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 #endif
 
 namespace xraycast {
 namespace {
 
 thread_local const Progress* cancelling = nullptr;
-
-/// Where several processes share a machine, XRAYCAST_THREADS limits this one's, from its first loop on
-/// OpenVDB's too.
-std::unique_ptr<tbb::global_control> thread_limit() {
-  const char* const words = std::getenv("XRAYCAST_THREADS");
-  const int threads = words == nullptr ? 0 : std::atoi(words);
-  if (threads <= 0) return nullptr;
-  return std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism,
-                                               static_cast<std::size_t>(threads));
-}
 
 /// In a forked process oneTBB waits for threads that are its parent's.
 bool is_forked() {
@@ -42,7 +34,6 @@ bool is_forked() {
 }
 
 #if defined(__SANITIZE_THREAD__)
-/// Debian's oneTBB does not tell ThreadSanitizer how its threads wait for each other; these do.
 void run_all(std::int64_t count, const std::function<void(std::int64_t)>& item) {
   std::atomic<std::int64_t> next{0};
   std::exception_ptr failure;
@@ -65,6 +56,16 @@ void run_all(std::int64_t count, const std::function<void(std::int64_t)>& item) 
   if (failure) std::rethrow_exception(failure);
 }
 #else
+/// Where several processes share a machine, XRAYCAST_THREADS limits this one's, from its first loop on
+/// OpenVDB's too.
+std::unique_ptr<tbb::global_control> thread_limit() {
+  const char* const words = std::getenv("XRAYCAST_THREADS");
+  const int threads = words == nullptr ? 0 : std::atoi(words);
+  if (threads <= 0) return nullptr;
+  return std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism,
+                                               static_cast<std::size_t>(threads));
+}
+
 void run_all(std::int64_t count, const std::function<void(std::int64_t)>& item) {
   static const std::unique_ptr<tbb::global_control> limit = thread_limit();
   // A loop within a loop runs to its end, also where another call of the outer one has failed.

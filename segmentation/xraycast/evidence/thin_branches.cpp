@@ -161,7 +161,7 @@ class BranchTest {
   /// pieces of them.
   Evidence of_branch(std::size_t at) const {
     constexpr double kBright = 0.15, kDarkest = 0.6, kLumen = 0.68, kWeakLumen = 0.62, kRound = 0.3,
-                     kWeakRound = 0.6, kShortfall = 0.7, kBeyond = 2;
+                     kWeakRound = 0.75, kShortfall = 0.7, kBeyond = 2;
     constexpr double kResponse = 0.15;  // noise and an organ's texture give a third of it
     constexpr double kWidest_mm = 5;
     const double contrast_hu = vessels_.lumen_hu - vessels_.tissue_hu, hu = fine_.hu(at);
