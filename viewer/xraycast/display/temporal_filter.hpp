@@ -21,8 +21,8 @@ class TemporalFilter {
   /// The next frame is shown as it is.
   void forget() { is_first_ = true; }
 
-  /// The next frame, a logarithm a pixel. What sums over 3 x 3 pixels change by less than 0.001, and by more
-  /// than 3.6, is no motion.
+  /// The next frame, a logarithm a pixel. Sums over 3 x 3 pixels that change by less than 0.001 are no
+  /// motion, and a change by more than 3.6 counts as 3.6.
   void add(const PixelPlane& frame);
 
   const PixelPlane& average() const { return average_; }
