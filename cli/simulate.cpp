@@ -186,6 +186,7 @@ void check_cine(const SimulateArguments& options) {
   if (subtracts && injection.volume_ml() == 0)
     throw InputError("--look dsa: there is no contrast agent to show; add --inject FROM_S,TO_S");
   check_subtraction(options.subtraction, subtracts, options.cine);
+  parse_black(options.subtraction);
   if (is_animation(options.cine) || is_xa(options.cine)) return check_writable(options.cine);
   make_frames_folder(options.cine, "--cine " + options.cine);
   check_writable(fs::path(options.cine) / "frame-000.png");

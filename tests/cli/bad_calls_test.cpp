@@ -246,6 +246,10 @@ const BadCall kBadCalls[] = {
      make_run},
     {"BlackOfNothing", SIMULATE_DSA " --inject 0.5,0.9 --dsa-black 0", 3, "--dsa-black 0: must be 0.01 to 10",
      make_run},
+    {"BlackOfNothingInAFolder",
+     "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr "
+     "--cine @/frames --look dsa --inject 0.5,0.9 --dsa-black 11",
+     3, "--dsa-black 11: must be 0.01 to 10", make_run},
     {"ShiftNoMask", SIMULATE_DSA " --inject 0.5,0.9 --mask-shift 1", 3,
      "--mask-shift 1: must be RIGHT,DOWN in pixels", make_run},
     {"ShiftAMaskOfNothing",
