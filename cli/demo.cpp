@@ -261,7 +261,11 @@ void make_run(const std::shared_ptr<const VesselTree>& tree, const std::shared_p
         std::make_unique<CineWithStill>(map, *tree, options, report.file(fmt::format("run-{}", look))));
   }
 
-  const RunRequest request{.tree = tree, .script = Script::parse(kScript, "demo"), .interval_s = 0.02};
+  // The script turns the Cobra for the way from the left groin.
+  const RunRequest request{.tree = tree,
+                           .entry = {glm::dvec3(89, -54, -357)},
+                           .script = Script::parse(kScript, "demo"),
+                           .interval_s = 0.02};
   RecordedRun recorded = RecordedRun::of(request.instruments);
   const Run run = report.timed("catheter run of 10.5 s, with its frames", [&] {
     return xraycast::run(request, progress,
@@ -296,6 +300,7 @@ void make_angiography(const std::shared_ptr<const VesselTree>& tree,
   CineWithStill cine(map, *tree, options, report.file("run-dsa"));
   const RunRequest request{.tree = tree,
                            .instruments = instruments_named({"pigtail-5f"}),
+                           .entry = {glm::dvec3(89, -54, -357)},
                            .script = Script::parse(kFlushScript, "demo")};
   report.timed("angiography of the renal arteries", [&] {
     return run(request, progress, [&](const Instruments& moved, double time_s, const InstrumentPressures&) {
