@@ -4,7 +4,7 @@
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/mask/skeleton_graph.hpp"
 #include "xraycast/mask/thinning.hpp"
-#include "xraycast/skeleton/fill_radii.hpp"
+#include "xraycast/radii/fill_radii.hpp"
 #include "xraycast/skeleton/inner_leaves.hpp"
 #include "xraycast/skeleton/junctions.hpp"
 #include "xraycast/skeleton/line.hpp"

@@ -7,6 +7,7 @@
 #include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/mask/components.hpp"
+#include "xraycast/radii/image_radii.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/contrast.hpp"
 #include "xraycast/segmentation/poor_results.hpp"
@@ -165,6 +166,8 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
   if (log.own_seed) notes.push_back(of_own_seed(*log.own_seed, name));
   if (has_mask) log.noise_hu = measure_noise_hu(volume);
   Centrelines centrelines = extract_centrelines(mask, name, progress, request.root_mm, &fill);
+  centrelines.tree =
+      with_image_radii(centrelines.tree, volume, log.noise_hu, log.scale.has_value(), name, progress);
   std::ranges::move(poor_results(centrelines, volume.geometry(), name), std::back_inserter(notes));
   if (request.is_automatic())
     std::ranges::move(too_little(centrelines.tree, volume.geometry(), name), std::back_inserter(notes));

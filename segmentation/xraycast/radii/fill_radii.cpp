@@ -1,4 +1,4 @@
-#include "xraycast/skeleton/fill_radii.hpp"
+#include "xraycast/radii/fill_radii.hpp"
 
 #include "xraycast/mask/mask.hpp"
 
