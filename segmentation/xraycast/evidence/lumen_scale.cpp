@@ -1,5 +1,6 @@
 #include "xraycast/evidence/lumen_scale.hpp"
 
+#include "xraycast/evidence/robust_statistics.hpp"
 #include "xraycast/evidence/scan_response.hpp"
 
 #include <algorithm>
@@ -8,13 +9,6 @@
 
 namespace xraycast {
 namespace {
-
-double quantile(std::vector<double> values, double fraction) {
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
-  std::ranges::nth_element(values, at);
-  return *at;
-}
 
 /// The variance of a voxel's own width, along each axis.
 constexpr double kVoxel = 1.0 / 12;

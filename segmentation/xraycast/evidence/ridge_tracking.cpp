@@ -1,5 +1,6 @@
 #include "xraycast/evidence/ridge_tracking.hpp"
 
+#include "xraycast/evidence/axes_across.hpp"
 #include "xraycast/mask/thinning.hpp"
 #include "xraycast/mask/trilinear.hpp"
 
@@ -42,8 +43,7 @@ std::vector<LineEnd> free_ends(const Mask& lines) {
 
 /// Directions ten degrees apart, up to thirty from an axis.
 std::vector<glm::dvec3> cone_around(const glm::dvec3& axis) {
-  const glm::dvec3 helper = std::abs(axis.z) < 0.8 ? glm::dvec3(0, 0, 1) : glm::dvec3(1, 0, 0);
-  const glm::dvec3 u = glm::normalize(glm::cross(axis, helper)), v = glm::cross(axis, u);
+  const auto [u, v] = axes_across(axis);
   std::vector<glm::dvec3> directions{axis};
   for (int ring = 1; ring <= 3; ++ring)
     for (int k = 0; k < 6 * ring; ++k) {

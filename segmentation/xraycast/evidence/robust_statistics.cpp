@@ -33,4 +33,11 @@ RobustStatistics statistics_of_nonzero(const std::vector<float>& values) {
   return statistics_where(values, [](float v) { return v != 0; });
 }
 
+double quantile(std::vector<double> values, double fraction) {
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, at);
+  return *at;
+}
+
 }  // namespace xraycast

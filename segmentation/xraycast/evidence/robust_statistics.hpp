@@ -16,4 +16,7 @@ RobustStatistics statistics_of(const std::vector<float>& values);
 /// That of the values other than 0; zeros where there are none.
 RobustStatistics statistics_of_nonzero(const std::vector<float>& values);
 
+/// The value below which a fraction of values lies, of one or more.
+double quantile(std::vector<double> values, double fraction);
+
 }  // namespace xraycast

@@ -1,6 +1,8 @@
 #include "xraycast/radii/image_radii.hpp"
 
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/evidence/axes_across.hpp"
+#include "xraycast/evidence/robust_statistics.hpp"
 #include "xraycast/geometry/segment_index.hpp"
 #include "xraycast/radii/tube_fit.hpp"
 #include "xraycast/radii/tube_samples.hpp"
@@ -25,6 +27,7 @@ namespace {
 // Lengths in voxels.
 constexpr double kBeyond_vox = 4, kApart_vox = 1.5, kNode_vox = 1.25, kWindow_vox = 2.5, kLongWindow_vox = 4,
                  kWidest_vox = 20;
+constexpr double kOff_vox = 0.35;  // by how much a line is off the middle, in one direction across
 constexpr std::size_t kNodesOfPiece = 12;
 
 /// A place of a branch where its radius is measured.
@@ -61,13 +64,6 @@ struct Piece {
   FoundLumen lumen = {};
 };
 
-double quantile(std::vector<double> values, double fraction) {
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
-  std::ranges::nth_element(values, at);
-  return *at;
-}
-
 struct Weighted {
   double value, weight;
 };
@@ -100,10 +96,9 @@ std::optional<UsualLumen> usual_lumen(const std::vector<FoundLumen>& lumens) {
 /// A line's direction and two across it, each of length one; any where a line turns back.
 std::array<glm::dvec3, 3> frame_of(const glm::dvec3& along) {
   const double length = glm::length(along);
-  const glm::dvec3 tangent = length > 0 ? along / length : glm::dvec3(0, 0, 1),
-                   helper = std::abs(tangent.z) < 0.8 ? glm::dvec3(0, 0, 1) : glm::dvec3(1, 0, 0),
-                   u = glm::normalize(glm::cross(tangent, helper));
-  return {tangent, u, glm::cross(tangent, u)};
+  const glm::dvec3 tangent = length > 0 ? along / length : glm::dvec3(0, 0, 1);
+  const auto [u, v] = axes_across(tangent);
+  return {tangent, u, v};
 }
 
 class ImageRadii {
@@ -298,20 +293,15 @@ class ImageRadii {
 
   double seen_hu(double hu) const { return scan_.response != nullptr ? scan_.response->contrast_hu(hu) : hu; }
 
-  /// A question about samples about a tube of a radius, of which only what every fit needs is set: nothing
-  /// where the samples show no contrast.
-  std::optional<TubeQuestion> question(std::span<const SampleAcross> samples, double blur_mm,
-                                       double radius_mm) const {
+  /// A question about a tube of a radius, of which only what every fit needs is set.
+  TubeQuestion question(const Guess& guessed, double blur_mm, double radius_mm) const {
     constexpr double kUneven = 0.08;  // lumen and surroundings, of the contrast
     constexpr Known kZero{0, 0};
-    const auto guessed = guess(samples, radius_mm);
-    if (!guessed) return std::nullopt;
-    const double contrast_hu = guessed->contrast_hu();
+    const double contrast_hu = guessed.contrast_hu();
     TubeQuestion q{blur_mm,
                    std::max(std::hypot(scan_.noise_hu, kUneven * contrast_hu), 1.0),
                    scan_.response,
-                   {radius_mm, 0, guessed->lumen_hu, {0, 0}, {}}};
-    q.start.around_hu = guessed->each_around_hu;
+                   {radius_mm, 0, guessed.lumen_hu, {0, 0}, guessed.each_around_hu}};
     q.taper = q.off_x = q.off_y = kZero;
     if (scan_.response != nullptr) {
       q.is_even = true;
@@ -336,13 +326,14 @@ class ImageRadii {
 
   /// Moves a node's axis to the middle of what the scan shows, whatever the radius.
   void centre(std::size_t branch, Node& node) const {
-    constexpr double kBlur_vox = 0.5, kOff_vox = 0.35;
+    constexpr double kBlur_vox = 0.5;
     const std::vector<SampleAcross> samples = samples_about(branch, node, kLongWindow_vox * voxel_mm_);
-    auto q = question(samples, across_mm(kBlur_vox * voxel_mm_, node.tangent), node.given_mm);
-    if (!q) return;
-    q->radius = {node.given_mm, 0};
-    q->off_x = q->off_y = {0, kOff_vox * voxel_mm_};
-    if (const auto found = fit_tube(samples, *q))
+    const auto guessed = guess(samples, node.given_mm);
+    if (!guessed) return;
+    TubeQuestion q = question(*guessed, across_mm(kBlur_vox * voxel_mm_, node.tangent), node.given_mm);
+    q.radius = {node.given_mm, 0};
+    q.off_x = q.off_y = {0, kOff_vox * voxel_mm_};
+    if (const auto found = fit_tube(samples, q))
       node.off_mm = found->tube.off_mm.x * node.u + found->tube.off_mm.y * node.v;
   }
 
@@ -372,12 +363,11 @@ class ImageRadii {
   }
 
   std::optional<TubeAnswer> fit_piece(const Piece& piece, std::span<const SampleAcross> samples,
-                                      double blur_mm) const {
-    auto q = question(samples, across_mm(blur_mm, piece.tangent), piece.given_mm);
-    if (!q) return std::nullopt;
+                                      const Guess& guessed, double blur_mm) const {
     constexpr double kMostTaper = 0.05;
-    q->taper = {0, kMostTaper};
-    return fit_tube(samples, *q);
+    TubeQuestion q = question(guessed, across_mm(blur_mm, piece.tangent), piece.given_mm);
+    q.taper = {0, kMostTaper};
+    return fit_tube(samples, q);
   }
 
   // ---- the scan's blur, and the lumen's CT number -------------------------------------------------------
@@ -388,11 +378,10 @@ class ImageRadii {
   }
 
   FoundLumen lumen_of(const TubeAnswer& found, double blur_mm) const {
-    const double blur_vox = blur_mm / voxel_mm_;
+    // A line that is off the middle makes a vessel wider and darker, the more the thinner it is.
     constexpr double kUneven = 0.05, kWobble_vox2 = 0.06, kOfBlur = 0.4;
-    const double radius_vox = found.tube.radius_mm / voxel_mm_,
-                 // A line that is off the middle makes a vessel wider and darker, the more the thinner it is.
-        wobble_vox2 = kWobble_vox2 + kOfBlur * blur_vox * blur_vox,
+    const double blur_vox = blur_mm / voxel_mm_, radius_vox = found.tube.radius_mm / voxel_mm_,
+                 wobble_vox2 = kWobble_vox2 + kOfBlur * blur_vox * blur_vox,
                  wobble = 4 * wobble_vox2 / (radius_vox * radius_vox + 4 * wobble_vox2),
                  contrast_hu = std::max(found.tube.contrast_hu(), 0.0);
     return {found.tube.lumen_hu, contrast_hu,
@@ -423,10 +412,11 @@ class ImageRadii {
     const double floor_hu = std::max(kEven * guessed->contrast_hu(), kRounding_hu);
     OfBlurs result;
     for (std::size_t k = 0; k < kBlurs; ++k) {
-      const auto found = fit_piece(piece, samples, blur_of_step_mm(static_cast<double>(k)));
+      const double blur_mm = blur_of_step_mm(static_cast<double>(k));
+      const auto found = fit_piece(piece, samples, *guessed, blur_mm);
       if (!found) return {};
       result[k] = {found->samples * std::log(std::hypot(found->rms_of_all_hu, floor_hu)),
-                   lumen_of(*found, blur_of_step_mm(static_cast<double>(k)))};
+                   lumen_of(*found, blur_mm)};
     }
     return result;
   }
@@ -489,7 +479,10 @@ class ImageRadii {
   bool measure_lumens() {
     parallel_for(std::ssize(pieces_), [&](std::int64_t i) {
       Piece& piece = pieces_[static_cast<std::size_t>(i)];
-      if (const auto found = fit_piece(piece, samples_of(piece), blur_mm_))
+      const std::vector<SampleAcross> samples = samples_of(piece);
+      const auto guessed = guess(samples, piece.given_mm);
+      if (!guessed) return;
+      if (const auto found = fit_piece(piece, samples, *guessed, blur_mm_))
         piece.lumen = lumen_of(*found, blur_mm_);
     });
     std::vector<FoundLumen> lumens;
@@ -521,17 +514,17 @@ class ImageRadii {
   }
 
   void measure(std::size_t branch, Node& node) const {
-    constexpr double kOff_vox = 0.35;
     if (!node.is_steady || !is_round(blur_mm_, node)) return;
     const std::vector<SampleAcross> samples = samples_about(branch, node, window_mm(node.given_mm));
-    auto q = question(samples, across_mm(blur_mm_, node.tangent), node.given_mm);
-    if (!q) return;
-    q->lumen = known_lumen(pieces_[node.piece]);
-    q->start.lumen_hu = q->lumen.mean;
-    q->start.off_mm = {glm::dot(node.off_mm, node.u), glm::dot(node.off_mm, node.v)};
-    q->off_x = {q->start.off_mm.x, kOff_vox * voxel_mm_};
-    q->off_y = {q->start.off_mm.y, kOff_vox * voxel_mm_};
-    const auto found = fit_tube(samples, *q);
+    const auto guessed = guess(samples, node.given_mm);
+    if (!guessed) return;
+    TubeQuestion q = question(*guessed, across_mm(blur_mm_, node.tangent), node.given_mm);
+    q.lumen = known_lumen(pieces_[node.piece]);
+    q.start.lumen_hu = q.lumen.mean;
+    q.start.off_mm = {glm::dot(node.off_mm, node.u), glm::dot(node.off_mm, node.v)};
+    q.off_x = {q.start.off_mm.x, kOff_vox * voxel_mm_};
+    q.off_y = {q.start.off_mm.y, kOff_vox * voxel_mm_};
+    const auto found = fit_tube(samples, q);
     if (found && is_plausible(node, *found)) node.radius_mm = found->tube.radius_mm;
   }
 

@@ -31,7 +31,7 @@ double robust_weight(double deviations) {
   return left * left;
 }
 
-/// Between which two directions a sample lies.
+/// Between which two directions a sample lies, the first one before the second in their order.
 struct Direction {
   Eigen::Index first, second;
   double fraction;  ///< of the way from the first to the second
@@ -42,7 +42,8 @@ Direction direction_of(const glm::dvec2& at_mm) {
   const double turns = std::atan2(at_mm.y, at_mm.x) / (2 * std::numbers::pi) + 1,
                place = turns * static_cast<double>(kDirections), below = std::floor(place);
   const auto first = static_cast<Eigen::Index>(below) % kDirections;
-  return {first, (first + 1) % kDirections, place - below};
+  if (first + 1 == kDirections) return {0, first, 1 - (place - below)};
+  return {first, first + 1, place - below};
 }
 
 /// Normal equations about some parameters, and what the residuals are there.
@@ -170,10 +171,8 @@ class TubeFit {
         {kLumen, scale * at.share},
         {kOffX, scale * outwards * from.x},
         {kOffY, scale * outwards * from.y},
-        {std::min(first, second),
-         scale * outside * (first <= second ? 1 - direction.fraction : direction.fraction)},
-        {std::max(first, second),
-         scale * outside * (first <= second ? direction.fraction : 1 - direction.fraction)},
+        {first, scale * outside * (1 - direction.fraction)},
+        {second, scale * outside * direction.fraction},
     }};
     for (std::size_t a = 0; a < row.size(); ++a) {
       sum.gradient[row[a].first] += weight * residual * row[a].second;

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/evidence/place_in_tube.hpp"
+#include "xraycast/mask/mask.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -48,7 +49,7 @@ void add_piece(const VesselBranch& branch, std::size_t piece, const Volume& volu
         if (std::abs(place.out_mm()) > beyond_mm) continue;
         const double along_mm =
             std::lerp(branch.arc_length_mm[piece], branch.arc_length_mm[piece + 1], place.fraction);
-        found.push_back({(z * grid.size.y + y) * grid.size.x + x,
+        found.push_back({static_cast<std::int64_t>(offset_of(grid, {x, y, z})),
                          glm::length(place.from_axis_mm),
                          place.out_mm(),
                          {along_mm, place.from_axis_mm, static_cast<double>(volume.at(x, y, z))}});

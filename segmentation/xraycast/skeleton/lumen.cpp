@@ -1,5 +1,6 @@
 #include "xraycast/skeleton/lumen.hpp"
 
+#include "xraycast/evidence/axes_across.hpp"
 #include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/mask/trilinear.hpp"
 
@@ -48,8 +49,7 @@ double MaskLumen::occupancy(const glm::dvec3& point_mm) const {
 CrossSection cross_section(const Lumen& lumen, const glm::dvec3& point_mm, const glm::dvec3& tangent,
                            double reach_mm) {
   constexpr int kRays = 24;
-  const glm::dvec3 helper = std::abs(tangent.z) < 0.8 ? glm::dvec3(0, 0, 1) : glm::dvec3(1, 0, 0);
-  const glm::dvec3 u = glm::normalize(glm::cross(tangent, helper)), v = glm::cross(tangent, u);
+  const auto [u, v] = axes_across(tangent);
   const double wall_mm = lumen.inscribed_radius_mm(point_mm), step_mm = 0.2 * lumen.voxel_mm(),
                first_mm = std::max(0.0, wall_mm - 1.5 * lumen.coarsest_mm()),
                middle_mm = wall_mm + 1.5 * lumen.coarsest_mm(),
