@@ -267,9 +267,9 @@ TEST_P(ImageRadii, AreThoseOfTubesFromTwoVoxelsOn) {
   const Volume volume = chain.scan();
   const ScanResponse response(volume, shown.noise_hu);
   Progress unheard;
-  const VesselTree found = with_image_radii(
-      tree, {volume, std::max(shown.noise_hu, 1.0), shown.around == Around::nothing ? &response : nullptr},
-      "chain", unheard);
+  const ScanOfVessels scan{volume, std::max(shown.noise_hu, 1.0),
+                           shown.around == Around::nothing ? &response : nullptr};
+  const VesselTree found = with_image_radii(tree, scan, "chain", unheard).tree;
   for (std::size_t b = 0; b < kRadii_mm.size(); ++b) {
     const std::vector<VesselPoint>& points = found.branches()[b].points;
     double sum_mm = 0, counted = 0;
@@ -344,7 +344,7 @@ struct Straight {
 
 VesselTree measured(const VesselTree& tree, const Volume& volume, double noise_hu) {
   Progress unheard;
-  return with_image_radii(tree, {volume, noise_hu}, "line", unheard);
+  return with_image_radii(tree, {volume, noise_hu}, "line", unheard).tree;
 }
 
 void expect_same_radii(const VesselTree& found, const VesselTree& given) {

@@ -65,6 +65,9 @@ class VesselTree {
   /// the radius being linear between points.
   bool inside(const glm::dvec3& point_mm) const { return segments_.inside(point_mm); }
 
+  /// Of the lines: a piece between two points of a branch each.
+  const SegmentIndex& segments() const { return segments_; }
+
  private:
   std::vector<VesselBranch> branches_;
   int root_;

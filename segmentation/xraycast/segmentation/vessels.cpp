@@ -7,7 +7,7 @@
 #include "xraycast/geometry/branch_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/mask/components.hpp"
-#include "xraycast/radii/image_radii.hpp"
+#include "xraycast/radii/measured_vessels.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/contrast.hpp"
 #include "xraycast/segmentation/poor_results.hpp"
@@ -161,13 +161,17 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
   SegmentLog log;
   std::vector<std::string> notes;
   const bool has_mask = request.has_mask();
-  auto [mask, fill] = has_mask ? vessels_of_given_mask(volume, request, progress, notes)
-                               : segment_vessels(volume, request, name, device, progress, &log);
+  SegmentedVessels found = has_mask ? vessels_of_given_mask(volume, request, progress, notes)
+                                    : segment_vessels(volume, request, name, device, progress, &log);
   if (log.own_seed) notes.push_back(of_own_seed(*log.own_seed, name));
   if (has_mask) log.noise_hu = measure_noise_hu(volume);
-  Centrelines centrelines = extract_centrelines(mask, name, progress, request.root_mm, &fill);
-  centrelines.tree =
-      with_image_radii(centrelines.tree, volume, log.noise_hu, log.scale.has_value(), name, progress);
+  Centrelines centrelines = extract_centrelines(found.mask, name, progress, request.root_mm, &found.fill);
+  auto& [mask, fill] = found;
+  const ScanOfTree scan{volume, log.noise_hu, log.scale.has_value()};
+  if (has_mask)  // its vessels end where it does
+    centrelines.tree = measured_tree(centrelines.tree, scan, name, progress);
+  else if (measure_and_follow(centrelines.tree, mask, fill, scan, name, progress) && request.explain)
+    request.explain("longer-ends", mask);
   std::ranges::move(poor_results(centrelines, volume.geometry(), name), std::back_inserter(notes));
   if (request.is_automatic())
     std::ranges::move(too_little(centrelines.tree, volume.geometry(), name), std::back_inserter(notes));
