@@ -76,9 +76,8 @@ class ImageRadii {
            found.rms_hu < kTimesNoise * std::hypot(tubes_.scan().noise_hu, kUneven * contrast_hu);
   }
 
-  /// The change of the radius at each place, of what was found there or near
-  /// it: it fades within 15 voxels, but not within another branch, where the
-  /// given radius is that outside.
+  /// The change of the radius at each place, of what was found there or near it: it fades within 15 voxels,
+  /// but not within another branch, where the given radius is that outside.
   std::vector<double> changes_mm(const std::vector<Measured>& places) const {
     std::vector<Carried> from_before = carried(places.begin(), places.end()),
                          from_after = carried(places.rbegin(), places.rend());

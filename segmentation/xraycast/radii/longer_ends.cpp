@@ -9,34 +9,29 @@
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/vector_relational.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 
 namespace xraycast {
 namespace {
 
-/// A branch's end where no other one begins.
-struct FreeEnd {
-  int branch;
-  bool is_first;  ///< its first point: the root
-};
-
-std::vector<FreeEnd> free_ends(const VesselTree& tree) {
-  std::vector<FreeEnd> ends;
-  for (std::size_t b = 0; b < tree.branches().size(); ++b) {
-    const VesselBranch& branch = tree.branches()[b];
-    if (branch.children.empty()) ends.push_back({static_cast<int>(b), false});
-    if (branch.parent < 0) ends.push_back({static_cast<int>(b), true});
-  }
-  return ends;
+/// The branches that end free.
+std::vector<int> leaves_of(const VesselTree& tree) {
+  std::vector<int> leaves;
+  for (std::size_t b = 0; b < tree.branches().size(); ++b)
+    if (tree.branches()[b].children.empty()) leaves.push_back(static_cast<int>(b));
+  return leaves;
 }
 
 /// How far a tube may be from what is expected.
@@ -45,6 +40,8 @@ struct Freedom {
   double radius;                 ///< times that of a step
 };
 constexpr Freedom kAtStart{1, 2, 2}, kOnTheWay{0.5, 0.7, 1};
+
+constexpr double kNewRadius = 0.3;  // of that of a step: a vessel's radius changes slowly
 
 /// A place on the way.
 struct Front {
@@ -57,6 +54,7 @@ struct Followed {
   double back_mm;    ///< from that place to the end
   double beyond_mm;  ///< how far it goes on; negative where the end was not reached
   std::vector<VesselPoint> points;
+  std::size_t old = 1;  ///< those of them that are not beyond the end
 };
 
 class EndFollower {
@@ -67,33 +65,33 @@ class EndFollower {
       for (const VesselPoint& p : branch.points) widest_mm_ = std::max(widest_mm_, p.radius_mm);
   }
 
-  /// Nothing where the vessel ends with its branch.
-  std::optional<Followed> follow(const FreeEnd& end) const {
+  /// Nothing where the vessel ends with its branch: within 4 voxels, of which half a window cannot tell.
+  std::optional<Followed> follow(int leaf) const {
     // The lines of ends turn aside where a mask has swollen; the farther back, the surer is the start.
     constexpr std::array<double, 4> kBack_vox{6, 12, 20, 30};
-    const double voxel_mm = tubes_.voxel_mm(), least_mm = 1.5 * voxel_mm,
-                 half_mm = 0.5 * branch_of(end).arc_length_mm.back();
+    constexpr double kReached_vox = 1.5, kLeast_vox = 4;
+    const double voxel_mm = tubes_.voxel_mm(), half_mm = 0.5 * branch_of(leaf).arc_length_mm.back();
     for (const double back_vox : kBack_vox) {
-      const double back_mm = std::min(back_vox * voxel_mm, half_mm);
-      if (std::optional<Followed> found = follow_from(end, back_mm)) {
-        if (found->beyond_mm >= least_mm) return found;
-        if (found->beyond_mm > -least_mm) return std::nullopt;
-      }
-      if (back_mm == half_mm) break;
+      const double back_mm = back_vox * voxel_mm;
+      if (back_mm > half_mm) break;
+      std::optional<Followed> found = follow_from(leaf, back_mm);
+      if (!found || found->beyond_mm < -kReached_vox * voxel_mm) continue;
+      if (found->beyond_mm < kLeast_vox * voxel_mm) return std::nullopt;
+      smooth(found->points);
+      set_radii(leaf, *found);
+      return found;
     }
     return std::nullopt;
   }
 
  private:
-  const VesselBranch& branch_of(const FreeEnd& end) const {
-    return tree_.branches()[static_cast<std::size_t>(end.branch)];
-  }
+  const VesselBranch& branch_of(int leaf) const { return tree_.branches()[static_cast<std::size_t>(leaf)]; }
 
-  std::optional<Followed> follow_from(const FreeEnd& end, double back_mm) const {
-    constexpr double kMost_mm = 60, kNewDirection = 0.5, kNewRadius = 0.3;  // of a step's
+  std::optional<Followed> follow_from(int leaf, double back_mm) const {
+    constexpr double kMost_mm = 60, kNewDirection = 0.5;  // of a step's
     constexpr int kMisses = 3;
     const double voxel_mm = tubes_.voxel_mm();
-    std::optional<Front> front = start(end, back_mm);
+    std::optional<Front> front = start(leaf, back_mm);
     if (!front) return std::nullopt;
     Followed followed{back_mm, -back_mm, {front->point}};
     std::vector<VesselPoint> missed;
@@ -101,67 +99,143 @@ class EndFollower {
       Front next = *front;
       next.point.position_mm += static_cast<double>(missed.size() + 1) * voxel_mm * front->tangent;
       beyond_mm += voxel_mm;
-      const std::optional<VesselPoint> seen = look(end, next, kOnTheWay);
+      const std::optional<VesselPoint> seen = look(leaf, next, kOnTheWay);
       if (!seen) {
         missed.push_back(next.point);
         continue;
       }
+      if (is_in_tree(leaf, seen->position_mm, back_mm) || is_astray(leaf, *seen, beyond_mm)) break;
       const glm::dvec3 step = seen->position_mm - front->point.position_mm;
       front->tangent = glm::normalize(glm::mix(front->tangent, glm::normalize(step), kNewDirection));
       front->point = {seen->position_mm, std::lerp(front->point.radius_mm, seen->radius_mm, kNewRadius)};
       std::ranges::copy(missed, std::back_inserter(followed.points));
       followed.points.push_back(front->point);
       followed.beyond_mm = beyond_mm;
+      if (beyond_mm <= 0) followed.old = followed.points.size();
       missed.clear();
     }
     return followed;
   }
 
-  /// What the vessel is before its end: where a mask has swollen, no wider than it was farther back.
-  std::optional<Front> start(const FreeEnd& end, double back_mm) const {
-    constexpr double kWidest_vox = 6, kDirection_vox = 4;
-    constexpr int kBefore_vox = 30;
-    const VesselBranch& branch = branch_of(end);
-    const double all_mm = branch.arc_length_mm.back(), voxel_mm = tubes_.voxel_mm();
-    const auto before_end = [&](double mm) {
-      return point_at(branch, end.is_first ? std::min(mm, all_mm) : std::max(all_mm - mm, 0.0));
+  /// Whether a place lies in another branch, or in its own one well before the start.
+  bool is_in_tree(int leaf, const glm::dvec3& at_mm, double back_mm) const {
+    constexpr double kRadii = 6;
+    const VesselBranch& branch = branch_of(leaf);
+    const auto is_within = [&](const SegmentIndex::Nearest& place) {
+      if (place.out_mm() >= 0) return false;
+      if (place.segment.branch != leaf) return true;
+      const double mm = branch.arc_length_mm[static_cast<std::size_t>(place.segment.point)];
+      return mm < branch.arc_length_mm.back() - back_mm - kRadii * place.radius_mm();
     };
-    VesselPoint here = before_end(back_mm);
-    const glm::dvec3 along = here.position_mm - before_end(back_mm + kDirection_vox * voxel_mm).position_mm;
-    std::vector<double> radii_mm;
-    for (int i = 0; i < kBefore_vox && back_mm + i * voxel_mm < all_mm; ++i)
-      radii_mm.push_back(before_end(back_mm + i * voxel_mm).radius_mm);
-    here.radius_mm = std::min(here.radius_mm, quantile(radii_mm, 0.5));
+    return tree_.segments().nearest(at_mm, widest_mm_, is_within).has_value();
+  }
+
+  /// Whether a place on the way to the end lies out of the branch: that is another vessel.
+  bool is_astray(int leaf, const VesselPoint& seen, double beyond_mm) const {
+    constexpr double kOut_vox = 2;
+    if (beyond_mm > 0) return false;
+    const VesselPoint line = point_before(leaf, -beyond_mm);
+    return glm::distance(seen.position_mm, line.position_mm) > line.radius_mm + kOut_vox * tubes_.voxel_mm();
+  }
+
+  /// Means of three points, twice, but for both ends.
+  static void smooth(std::vector<VesselPoint>& points) {
+    for (int pass = 0; pass < 2; ++pass) {
+      const std::vector<VesselPoint> before = points;
+      for (std::size_t i = 1; i + 1 < points.size(); ++i)
+        points[i].position_mm =
+            0.25 * before[i - 1].position_mm + 0.5 * before[i].position_mm + 0.25 * before[i + 1].position_mm;
+    }
+  }
+
+  /// Radii once the way is known. Beside an organ that is nearly as bright a vessel seems wider and darker
+  /// than it is: so its lumen is as bright as usual here, and it gets no wider than it was before its end.
+  void set_radii(int leaf, Followed& followed) const {
+    constexpr double kLumen = 0.1, kRadius = 0.3;
+    std::vector<VesselPoint>& points = followed.points;
+    const double first_mm = radius_before_mm(leaf, followed.back_mm);
+    double now_mm = first_mm;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const glm::dvec3 along =
+          points[std::min(i + 1, points.size() - 1)].position_mm - points[i > 0 ? i - 1 : 0].position_mm;
+      auto [samples, question] =
+          asked(leaf, {{points[i].position_mm, now_mm}, glm::normalize(along)}, kLumen);
+      if (question) {
+        question->radius = {first_mm, kRadius * first_mm};
+        if (const auto found = fit_tube(samples, *question))
+          now_mm = std::min(std::lerp(now_mm, found->tube.radius_mm, kNewRadius), first_mm);
+      }
+      points[i].radius_mm = now_mm;
+    }
+  }
+
+  VesselPoint point_before(int leaf, double mm) const {
+    const VesselBranch& branch = branch_of(leaf);
+    return point_at(branch, branch.arc_length_mm.back() - mm);
+  }
+
+  /// The radius at a distance before an end, or farther back where it is less there.
+  double radius_before_mm(int leaf, double back_mm) const {
+    constexpr int kBefore_vox = 30;
+    std::vector<double> radii_mm{point_before(leaf, back_mm).radius_mm};
+    for (int i = 1; i < kBefore_vox; ++i) {
+      const double mm = back_mm + i * tubes_.voxel_mm();
+      if (mm < branch_of(leaf).arc_length_mm.back()) radii_mm.push_back(point_before(leaf, mm).radius_mm);
+    }
+    return std::min(radii_mm.front(), quantile(radii_mm, 0.5));
+  }
+
+  /// What the vessel is before its end: where a mask has swollen, no wider than it was farther back.
+  std::optional<Front> start(int leaf, double back_mm) const {
+    constexpr double kWidest_vox = 6, kDirection_vox = 4;
+    const double voxel_mm = tubes_.voxel_mm();
+    const VesselPoint here{point_before(leaf, back_mm).position_mm, radius_before_mm(leaf, back_mm)};
+    const glm::dvec3 along =
+        here.position_mm - point_before(leaf, back_mm + kDirection_vox * voxel_mm).position_mm;
     if (here.radius_mm > kWidest_vox * voxel_mm || !(glm::length(along) > 0)) return std::nullopt;
     const Front front{here, glm::normalize(along)};
-    const std::optional<VesselPoint> seen = look(end, front, kAtStart);
+    const std::optional<VesselPoint> seen = look(leaf, front, kAtStart);
     if (!seen) return std::nullopt;
     return Front{*seen, front.tangent};
   }
 
   /// The vessel about a place where it is expected; nothing where it is not seen.
-  std::optional<VesselPoint> look(const FreeEnd& end, const Front& expected, const Freedom& freedom) const {
-    constexpr double kRadius_vox = 0.1, kRadius = 0.1, kLumen = 0.6;  // of the usual lumen's spread
+  std::optional<VesselPoint> look(int leaf, const Front& expected, const Freedom& freedom) const {
+    constexpr double kRadius_vox = 0.1, kRadius = 0.1, kLumen = 0.6;
     check_cancelled();
-    const double voxel_mm = tubes_.voxel_mm(), radius_mm = expected.point.radius_mm,
-                 half_mm = tubes_.window_mm(radius_mm);
-    if (!is_in_scan(expected.point.position_mm)) return std::nullopt;
-    const std::vector<SampleAcross> samples = samples_about(end, expected, half_mm);
-    const auto guessed = tubes_.guess(close_to(samples, radius_mm), radius_mm);
-    if (!guessed) return std::nullopt;
-    TubeQuestion q =
-        tubes_.question(*guessed, tubes_.across_mm(brightness_.blur_mm, expected.tangent), radius_mm);
-    q.lumen = {brightness_.usual.hu, kLumen * brightness_.usual.spread_hu};
-    q.start.lumen_hu = q.lumen.mean;
-    q.radius = {radius_mm, freedom.radius * (kRadius_vox * voxel_mm + kRadius * radius_mm)};
-    q.off_x = q.off_y = {0, freedom.off_vox * voxel_mm};
-    const auto found = fit_tube(samples, q);
-    if (!found || glm::length(found->tube.off_mm) > freedom.most_off_vox * voxel_mm ||
-        !is_vessel(*found, radius_mm) || !goes_on(samples, found->tube, q.blur_mm, half_mm))
-      return std::nullopt;
-    const Tube& tube = found->tube;
+    const double voxel_mm = tubes_.voxel_mm(), radius_mm = expected.point.radius_mm;
     const auto [u, v] = axes_across(expected.tangent);
-    return VesselPoint{expected.point.position_mm + tube.off_mm.x * u + tube.off_mm.y * v, tube.radius_mm};
+    if (!is_in_scan(expected.point.position_mm) || !tubes_.is_round(brightness_.blur_mm, u, v))
+      return std::nullopt;
+    auto [samples, question] = asked(leaf, expected, kLumen);
+    if (!question) return std::nullopt;
+    question->radius = {radius_mm, freedom.radius * (kRadius_vox * voxel_mm + kRadius * radius_mm)};
+    question->off_x = question->off_y = {0, freedom.off_vox * voxel_mm};
+    const auto found = fit_tube(samples, *question);
+    if (!found || glm::length(found->tube.off_mm) > freedom.most_off_vox * voxel_mm ||
+        !is_vessel(*found, radius_mm) || !goes_on(samples, found->tube, question->blur_mm))
+      return std::nullopt;
+    const glm::dvec2 off_mm = found->tube.off_mm;
+    return VesselPoint{expected.point.position_mm + off_mm.x * u + off_mm.y * v, found->tube.radius_mm};
+  }
+
+  struct Asked {
+    std::vector<SampleAcross> samples;
+    std::optional<TubeQuestion> question;  ///< nothing without contrast
+  };
+
+  /// The question about a tube at a place, on the way; `lumen` is how far its brightness may be from that of
+  /// most vessels, of the spread of that.
+  Asked asked(int leaf, const Front& place, double lumen) const {
+    const double radius_mm = place.point.radius_mm;
+    std::vector<SampleAcross> samples = samples_about(leaf, place, tubes_.window_mm(radius_mm));
+    const auto guessed = tubes_.guess(close_to(samples, radius_mm), radius_mm);
+    if (!guessed) return {};
+    TubeQuestion q =
+        tubes_.question(*guessed, tubes_.across_mm(brightness_.blur_mm, place.tangent), radius_mm);
+    q.lumen = {brightness_.usual.hu, lumen * brightness_.usual.spread_hu};
+    q.start.lumen_hu = q.lumen.mean;
+    return {std::move(samples), q};
   }
 
   /// Samples that tell what is around a vessel: a thin layer may lie between it and something else.
@@ -203,24 +277,25 @@ class EndFollower {
   }
 
   /// Whether the tube is there in what lies ahead too: half of its window is in the vessel before.
-  bool goes_on(const std::vector<SampleAcross>& samples, const Tube& tube, double blur_mm,
-               double half_mm) const {
+  bool goes_on(const std::vector<SampleAcross>& samples, const Tube& tube, double blur_mm) const {
     constexpr double kAhead = 0.75, kLeast = 0.5, kDeviations = 5;
+    const double ahead_mm = kAhead * tubes_.window_mm(tube.radius_mm);
     const TubeProfile profile(tube.radius_mm, blur_mm);
     double sum = 0, squares = 0;
     for (const SampleAcross& s : samples) {
-      if (s.along_mm < 0 || s.along_mm > kAhead * half_mm) continue;
+      if (s.along_mm < 0 || s.along_mm > ahead_mm) continue;
       const double around_hu = tube.around_hu[nearest_direction(s.at_mm)],
-                   expected_hu =
-                       profile.at(glm::distance(s.at_mm, tube.off_mm)).share * (tube.lumen_hu - around_hu);
-      sum += expected_hu * (s.hu - around_hu);
+                   share = profile.at(glm::distance(s.at_mm, tube.off_mm)).share,
+                   shown_hu = tubes_.shown_hu(around_hu),
+                   expected_hu = tubes_.shown_hu(std::lerp(around_hu, tube.lumen_hu, share)) - shown_hu;
+      sum += expected_hu * (s.hu - shown_hu);
       squares += expected_hu * expected_hu;
     }
     return sum > kLeast * squares && sum > kDeviations * tubes_.scan().noise_hu * std::sqrt(squares);
   }
 
   /// Those about a place that are not in or beside another branch.
-  std::vector<SampleAcross> samples_about(const FreeEnd& end, const Front& front, double half_mm) const {
+  std::vector<SampleAcross> samples_about(int leaf, const Front& front, double half_mm) const {
     constexpr double kBeyond_vox = 3.5, kApart_vox = 1.5;
     const Volume& volume = tubes_.scan().volume;
     const VolumeGeometry& grid = volume.geometry();
@@ -230,10 +305,10 @@ class EndFollower {
     const glm::dvec3 middle_mm = front.point.position_mm, middle = grid.to_index(middle_mm),
                      reach = all_mm / grid.spacing_mm;
     const auto is_beside = [&](const SegmentIndex::Nearest& place) {
-      return place.segment.branch != end.branch && place.out_mm() < apart_mm;
+      return place.segment.branch != leaf && place.out_mm() < apart_mm;
     };
     const auto is_near = [&](const SegmentIndex::Nearest& place) {
-      return place.segment.branch != end.branch && place.out_mm() < apart_mm + all_mm;
+      return place.segment.branch != leaf && place.out_mm() < apart_mm + all_mm;
     };
     const bool has_others =
         tree_.segments().nearest(middle_mm, widest_mm_ + apart_mm + all_mm, is_near).has_value();
@@ -266,34 +341,22 @@ bool touch(const VesselPoint& a, const VesselPoint& b) {
 }
 
 /// Whether two ends were followed into one vessel, or across it.
-bool meet(const std::vector<VesselPoint>& a, const std::vector<VesselPoint>& b) {
-  return std::ranges::any_of(a, [&](const VesselPoint& p) {
-    return std::ranges::any_of(b, [&](const VesselPoint& q) { return touch(p, q); });
+bool meet(const Followed& a, const Followed& b) {
+  const auto beyond = [](const Followed& f) { return std::span(f.points).subspan(f.old); };
+  return std::ranges::any_of(beyond(a), [&](const VesselPoint& p) {
+    return std::ranges::any_of(beyond(b), [&](const VesselPoint& q) { return touch(p, q); });
   });
 }
 
-/// A vessel that is followed does not widen: beside an organ that is nearly as bright it only seems to.
-void narrow(std::vector<VesselPoint>& points) {
-  for (std::size_t i = 1; i < points.size(); ++i)
-    points[i].radius_mm = std::min(points[i].radius_mm, points[i - 1].radius_mm);
-}
-
-/// A branch's points with those that were followed in the place of its end.
-std::vector<VesselPoint> continued(const VesselBranch& branch, bool is_first, const Followed& followed,
+/// A branch's points with those that were followed in the place of its end, a few voxels between them: what
+/// was followed may begin beside the line.
+std::vector<VesselPoint> continued(std::vector<VesselPoint> points, const Followed& followed,
                                    double voxel_mm) {
-  std::vector<VesselPoint> points = branch.points;
-  if (is_first) std::ranges::reverse(points);
-  const double all_mm = branch.arc_length_mm.back(), kept_mm = all_mm - followed.back_mm - 0.5 * voxel_mm;
-  std::size_t kept = 1;
-  while (kept < points.size()) {
-    const std::size_t at = is_first ? points.size() - 1 - kept : kept;
-    const double mm = is_first ? all_mm - branch.arc_length_mm[at] : branch.arc_length_mm[at];
-    if (mm >= kept_mm) break;
-    ++kept;
-  }
-  points.resize(kept);
+  constexpr double kBetween_vox = 2.5;
+  const double least_mm = followed.back_mm + kBetween_vox * voxel_mm;
+  for (double left_out_mm = 0; points.size() > 1 && left_out_mm < least_mm; points.pop_back())
+    left_out_mm += glm::distance(points.back().position_mm, points[points.size() - 2].position_mm);
   std::ranges::copy(followed.points, std::back_inserter(points));
-  if (is_first) std::ranges::reverse(points);
   return points;
 }
 
@@ -304,23 +367,26 @@ LongerEnds with_longer_ends(const VesselTree& tree, const ScanOfVessels& scan,
   progress.begin("following vessels beyond their ends", 1, "passes");
   const TubeQuestions tubes(scan);
   const EndFollower follower(tree, tubes, brightness);
-  const std::vector<FreeEnd> ends = free_ends(tree);
-  std::vector<std::optional<Followed>> followed(ends.size());
-  parallel_for(std::ssize(ends), [&](std::int64_t i) {
+  const std::vector<int> leaves = leaves_of(tree);
+  std::vector<std::optional<Followed>> found(leaves.size());
+  parallel_for(std::ssize(leaves), [&](std::int64_t i) {
     const auto at = static_cast<std::size_t>(i);
-    followed[at] = follower.follow(ends[at]);
+    found[at] = follower.follow(leaves[at]);
   });
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < found.size(); ++i)
+    if (found[i]) order.push_back(i);
+  std::ranges::stable_sort(order, std::greater(), [&](std::size_t i) { return found[i]->beyond_mm; });
+
   std::vector<VesselBranch> branches = tree.branches();
+  std::vector<const Followed*> taken;
   std::vector<std::vector<VesselPoint>> lines;
-  for (std::size_t i = 0; i < ends.size(); ++i) {
-    if (!followed[i] ||
-        std::ranges::any_of(lines, [&](const auto& line) { return meet(line, followed[i]->points); }))
-      continue;
-    narrow(followed[i]->points);
-    const auto branch = static_cast<std::size_t>(ends[i].branch);
-    branches[branch].points =
-        continued(tree.branches()[branch], ends[i].is_first, *followed[i], tubes.voxel_mm());
-    lines.push_back(std::move(followed[i]->points));
+  for (const std::size_t i : order) {
+    if (std::ranges::any_of(taken, [&](const Followed* other) { return meet(*other, *found[i]); })) continue;
+    std::vector<VesselPoint>& points = branches[static_cast<std::size_t>(leaves[i])].points;
+    points = continued(std::move(points), *found[i], tubes.voxel_mm());
+    taken.push_back(&*found[i]);
+    lines.push_back(found[i]->points);
   }
   progress.advance();
   return {VesselTree(std::move(branches), name), std::move(lines)};

@@ -16,16 +16,19 @@ struct LongerEnds {
   std::vector<std::vector<VesselPoint>> followed;  ///< the lines that are new, each from within its vessel
 };
 
-/// Follows vessels beyond the free ends of a tree, where a mask has lost them: along an organ that is nearly
-/// as bright, where they become too thin for a threshold, or where they swell into what they touch. A tube of
-/// the vessel's radius and brightness is fitted to the scan (fit_tube) a voxel farther on each time, from
-/// some voxels before the end: where the mask has swollen, from farther back. A vessel goes on while the tube
-/// is about as wide as before, hardly off the way, darker on all sides, as even as noise allows, and shows at
-/// least half of its contrast in what lies ahead, by five deviations of the noise; three voxels without are
-/// passed. It ends at other branches, at the scan's side, and after 60 mm.
+/// Follows vessels beyond the ends of a tree's leaves, where a mask has lost them: along an organ that is
+/// nearly as bright, or where it has swollen into what it touches. A tube of the vessel's radius and of the
+/// vessels' usual brightness is fitted to the scan (fit_tube), a voxel farther on each time, from some voxels
+/// before the end, or from farther back where it is not found there. A vessel goes on while the tube
+/// - is about as wide as before, and hardly off the way,
+/// - is brighter than what is on each side of it,
+/// - explains its voxels as far as noise allows,
+/// - and shows half of its contrast in what lies ahead, by five deviations of the noise.
+/// Two voxels without are passed. It ends at what is in the tree, at the scan's side, and after 60 mm.
 ///
-/// Vessels of more than six voxels' radius are not followed: a mask does not lose them. Lines of ends that
-/// nothing follows stay as they are. A unit of `progress`. `name` is the tree's.
+/// Ends stay where a vessel goes on by less than four voxels, those of vessels of more than six voxels'
+/// radius, which a mask does not lose, and those across slices of more than twice the pixels' size; so does
+/// the root. A unit of `progress`. `name` is the tree's.
 LongerEnds with_longer_ends(const VesselTree& tree, const ScanOfVessels& scan,
                             const LumenBrightness& brightness, const std::string& name, Progress& progress);
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numeric>
 #include <span>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -24,8 +25,7 @@ double median(std::vector<Weighted> values) {
   return values.back().value;
 }
 
-/// Of values with weights, the median and the spread about it, at least a share
-/// of the contrasts' median.
+/// Of values with weights, the median and the spread about it, at least a share of the contrasts' median.
 std::optional<UsualLumen> usual_lumen(const std::vector<FoundLumen>& lumens) {
   constexpr double kLeastSpread = 0.08, kOfMedian = 1.5;
   std::vector<Weighted> values, contrasts;
@@ -50,9 +50,8 @@ struct Explained {
 constexpr std::size_t kBlurs = 16;
 using OfBlurs = std::array<Explained, kBlurs>;
 
-/// How badly a blur explains all stretches: the residuals, and lumens that
-/// differ. Of a thin vessel a smaller blur makes a wider and darker one, which
-/// its own samples hardly contradict.
+/// How badly a blur explains all stretches: the residuals, and lumens that differ. Of a thin vessel a smaller
+/// blur makes a wider and darker one, which its own samples hardly contradict.
 double cost_of(std::size_t blur, const std::vector<OfBlurs>& stretches) {
   constexpr double kMostOdds = 4.5;  // for a vessel that is of another brightness
   std::vector<FoundLumen> lumens;
@@ -71,8 +70,7 @@ double cost_of(std::size_t blur, const std::vector<OfBlurs>& stretches) {
   return cost;
 }
 
-/// Stretches that tell the blur: the widest ones, which tell most, and of the
-/// others as many.
+/// Stretches that tell the blur: the widest ones, which tell most, and of the others as many.
 std::vector<std::size_t> telling(const std::vector<Stretch>& stretches) {
   constexpr std::size_t kWide = 40, kOthers = 40;
   std::vector<std::size_t> order(stretches.size());
@@ -126,8 +124,7 @@ class Brightness {
   }
 
  private:
-  /// Blurs from none to two voxels: a tenth of a voxel apart up to one, farther
-  /// beyond.
+  /// Blurs from none to two voxels: a tenth of a voxel apart up to one, farther beyond.
   double blur_of_step_mm(double step) const {
     constexpr double kStep_vox = 0.1, kFine = 10, kGrowth = 1.15;
     return tubes_.voxel_mm() *

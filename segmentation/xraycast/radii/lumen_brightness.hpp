@@ -9,8 +9,8 @@
 
 namespace xraycast {
 
-/// The lumen's CT number that was found on a stretch of a vessel, its contrast,
-/// and how far off both may be. Unknown where the deviation is zero.
+/// The lumen's CT number that was found on a stretch of a vessel, its contrast, and how far off both may be.
+/// Unknown where the deviation is zero.
 struct FoundLumen {
   double hu = 0, contrast_hu = 0, deviation_hu = 0;
 };
@@ -34,15 +34,14 @@ struct LumenBrightness {
   UsualLumen usual;
   std::vector<FoundLumen> of_stretches;
 
-  /// What is known of the lumen on a stretch: its own CT number and that of
-  /// all, each as far as it is known, or its own alone where it is another one.
+  /// What is known of the lumen on a stretch: its own CT number and that of all, each as far as it is known,
+  /// or its own alone where it is another one.
   Known on(std::size_t stretch) const;
 };
 
-/// Measures a scan's blur, as that with which all stretches are explained best:
-/// of each the residuals' logarithm counts, so that one that is no round tube
-/// says little; then the lumen's CT number on each. Nothing where the blur is
-/// two voxels and more, or where no stretch shows a lumen.
+/// Measures a scan's blur, as that with which all stretches are explained best: of each the residuals'
+/// logarithm counts, so that one that is no round tube says little; then the lumen's CT number on each.
+/// Nothing where the blur is two voxels and more, or where no stretch shows a lumen.
 std::optional<LumenBrightness> measure_brightness(const TubeQuestions& tubes,
                                                   const std::vector<Stretch>& stretches);
 

@@ -20,8 +20,8 @@ struct ScanOfTree {
 VesselTree measured_tree(const VesselTree& tree, const ScanOfTree& scan, const std::string& name,
                          Progress& progress);
 
-/// The same, and follows its vessels beyond their ends (with_longer_ends), in its mask and fill too. False
-/// where none goes on.
+/// The same in place, and follows its vessels beyond their ends (with_longer_ends), in its mask and fill too.
+/// False where no vessel goes on: then only radii change.
 bool measure_and_follow(VesselTree& tree, Mask& mask, LumenFill& fill, const ScanOfTree& scan,
                         const std::string& name, Progress& progress);
 

@@ -22,8 +22,7 @@ namespace {
 constexpr double kBeyond_vox = 4, kApart_vox = 1.5, kBetween_vox = 1.25, kWidest_vox = 20;
 constexpr std::size_t kPlacesOfStretch = 12;
 
-/// A line's direction and two across it, each of length one; any where a line
-/// turns back.
+/// A line's direction and two across it, each of length one; any where a line turns back.
 std::array<glm::dvec3, 3> frame_of(const glm::dvec3& along) {
   const double length = glm::length(along);
   const glm::dvec3 tangent = length > 0 ? along / length : glm::dvec3(0, 0, 1);
@@ -82,8 +81,8 @@ PlaceInTree PlacesInTree::place_at(const VesselBranch& branch, double along_mm) 
   return place;
 }
 
-/// Whether the given radius changes little within the window about a place, in
-/// which one radius is measured: not in a short stenosis.
+/// Whether the given radius changes little within the window about a place, in which one radius is measured:
+/// not in a short stenosis.
 bool PlacesInTree::is_steady(const VesselBranch& branch, const PlaceInTree& place) const {
   constexpr double kMost_vox = 0.75, kOfRadius = 0.25;
   const double half_mm = tubes_.window_mm(place.given_mm);
@@ -99,8 +98,7 @@ bool PlacesInTree::is_steady(const VesselBranch& branch, const PlaceInTree& plac
   return high_mm - low_mm < kMost_vox * tubes_.voxel_mm() + kOfRadius * place.given_mm;
 }
 
-/// Places that follow each other, none of them in another branch, in stretches
-/// of about as many.
+/// Places that follow each other, none of them in another branch, in stretches of about as many.
 void PlacesInTree::cut_stretches() {
   for (std::size_t b = 0; b < branches_.size(); ++b) {
     std::vector<PlaceInTree>& places = places_[b];
@@ -152,12 +150,11 @@ double PlacesInTree::off_line_mm() const {
 std::vector<Stretch> PlacesInTree::stretches() const {
   std::vector<Stretch> result;
   for (const StretchOfBranch& stretch : stretches_)
-    result.push_back({stretch.tangent, stretch.given_mm, [&] { return samples_of(stretch); }});
+    result.push_back({stretch.tangent, stretch.given_mm, [this, &stretch] { return samples_of(stretch); }});
   return result;
 }
 
-/// Calls `visit` for samples of a stretch of a branch: of a wide one for as
-/// many as tell enough.
+/// Calls `visit` for samples of a stretch of a branch: of a wide one for as many as tell enough.
 template <typename Visit>
 void PlacesInTree::for_samples_between(std::size_t branch, double first_mm, double last_mm,
                                        const Visit& visit) const {

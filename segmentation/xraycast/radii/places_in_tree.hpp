@@ -24,29 +24,27 @@ struct PlaceInTree {
   glm::dvec3 off_mm{0, 0, 0};  ///< from the line to the middle of what the scan shows, across
 };
 
-/// The places of a tree where radii are measured, a voxel and a quarter apart
-/// on each branch, the stretches of a dozen of them that follow each other, and
-/// what the scan shows about both.
+/// The places of a tree where radii are measured, a voxel and a quarter apart on each branch, the stretches
+/// of a dozen of them that follow each other, and what the scan shows about both.
 class PlacesInTree {
  public:
   /// Both live longer than this.
   PlacesInTree(const VesselTree& tree, const TubeQuestions& tubes);
+  PlacesInTree(const PlacesInTree&) = delete;  // stretches point into it
+  PlacesInTree& operator=(const PlacesInTree&) = delete;
 
   const std::vector<PlaceInTree>& on(std::size_t branch) const { return places_[branch]; }
 
   /// Branches and places of all that are in no other branch.
   const std::vector<std::pair<std::size_t, std::size_t>>& alone() const { return alone_; }
 
-  /// The stretches, in the order that places count them in; their samples need
-  /// these places.
+  /// The stretches, in the order that places count them in; their samples need these places.
   std::vector<Stretch> stretches() const;
 
-  /// The samples about a place, in its frame, weighted less the farther along
-  /// the line they are.
+  /// The samples about a place, in its frame, weighted less the farther along the line they are.
   std::vector<SampleAcross> samples_about(std::size_t branch, const PlaceInTree& place, double half_mm) const;
 
-  /// How far a line is off the middle, in one direction across; the standard
-  /// deviation.
+  /// How far a line is off the middle, in one direction across; the standard deviation.
   double off_line_mm() const;
 
  private:

@@ -168,7 +168,8 @@ Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const 
   Centrelines centrelines = extract_centrelines(found.mask, name, progress, request.root_mm, &found.fill);
   auto& [mask, fill] = found;
   const ScanOfTree scan{volume, log.noise_hu, log.scale.has_value()};
-  if (has_mask)  // its vessels end where it does
+  // A mask's vessels end where it does, and those of parted systems may end where the other one begins.
+  if (has_mask || !request.markers.not_vessels_mm.empty())
     centrelines.tree = measured_tree(centrelines.tree, scan, name, progress);
   else if (measure_and_follow(centrelines.tree, mask, fill, scan, name, progress) && request.explain)
     request.explain("longer-ends", mask);
