@@ -29,10 +29,11 @@ struct Vessels {
 };
 
 /// Finds the vessels of a scan. `name` is the scan's, for messages. The tree's radii are those that the scan
-/// shows, where it shows round vessels; else those of the mask. Vessels go on beyond the mask's ends where the
-/// scan shows them (with_longer_ends), but not with `from_mask` or points to exclude. The same request gives the same vessels to
-/// the last bit. Throws InputError as check, segment_vessels and extract_centrelines do, for a mask on
-/// another grid, and for a root farther than 50 mm from all vessel ends.
+/// shows, where it shows round vessels; else those of the mask. Vessels go on beyond the mask's ends where
+/// the scan shows them (with_longer_ends), but not with `from_mask` or points to exclude. The same request
+/// gives the same vessels to the last bit. Throws InputError as check, segment_vessels and
+/// extract_centrelines do, for a mask on another grid, and for a root farther than 50 mm from all vessel
+/// ends.
 Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const std::string& name,
                      ComputeDevice& device, Progress& progress);
 
