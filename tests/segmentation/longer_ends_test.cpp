@@ -32,7 +32,6 @@ class BentVessel {
     noise_hu_ = 5 + 20 * share();
   }
 
-  const VolumeGeometry& geometry() const { return geometry_; }
   double radius_mm() const { return radius_mm_; }
   /// At right angles to the arc's plane.
   glm::dvec3 aside() const { return glm::cross(across_, glm::dvec3(0, 0, 1)); }

@@ -65,15 +65,11 @@ class ImageRadii {
   }
 
   bool is_plausible(const PlaceInTree& place, const TubeAnswer& found) const {
-    constexpr double kMost_vox = 0.5, kOfRadius = 1.0 / 3, kShareIn = 0.7, kUneven = 0.12, kTimesNoise = 1.5,
-                     kSure_vox = 0.3, kSure = 0.1;
-    const double contrast_hu = found.tube.contrast_hu(), given_mm = place.given_mm;
-    return contrast_hu > 0 &&
-           std::abs(found.tube.radius_mm - given_mm) < kMost_vox * tubes_.voxel_mm() + kOfRadius * given_mm &&
-           found.radius_deviation_mm * tubes_.misfit(found) <
-               kSure_vox * tubes_.voxel_mm() + kSure * given_mm &&
-           found.share_in > kShareIn &&
-           found.rms_hu < kTimesNoise * std::hypot(tubes_.scan().noise_hu, kUneven * contrast_hu);
+    constexpr double kMost_vox = 0.5, kOfRadius = 1.0 / 3, kSure_vox = 0.3, kSure = 0.1;
+    const double voxel_mm = tubes_.voxel_mm(), given_mm = place.given_mm;
+    return tubes_.is_explained(found) &&
+           std::abs(found.tube.radius_mm - given_mm) < kMost_vox * voxel_mm + kOfRadius * given_mm &&
+           found.radius_deviation_mm * tubes_.misfit(found) < kSure_vox * voxel_mm + kSure * given_mm;
   }
 
   /// The change of the radius at each place, of what was found there or near it: it fades within 15 voxels,

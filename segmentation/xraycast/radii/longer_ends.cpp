@@ -255,13 +255,10 @@ class EndFollower {
   }
 
   bool is_vessel(const TubeAnswer& found, double before_mm) const {
-    constexpr double kThinner = 0.7, kWider = 1.3, kShareIn = 0.7, kUneven = 0.12, kTimesNoise = 1.5,
-                     kOnEachSide = 0.15;
-    const double contrast_hu = found.tube.contrast_hu(), radius_mm = found.tube.radius_mm;
-    return contrast_hu > 0 && radius_mm > kThinner * before_mm && radius_mm < kWider * before_mm &&
-           found.share_in > kShareIn &&
-           found.rms_hu < kTimesNoise * std::hypot(tubes_.scan().noise_hu, kUneven * contrast_hu) &&
-           least_contrast_hu(found.tube) > kOnEachSide * contrast_hu;
+    constexpr double kThinner = 0.7, kWider = 1.3, kOnEachSide = 0.15;
+    const double radius_mm = found.tube.radius_mm;
+    return tubes_.is_explained(found) && radius_mm > kThinner * before_mm && radius_mm < kWider * before_mm &&
+           least_contrast_hu(found.tube) > kOnEachSide * found.tube.contrast_hu();
   }
 
   /// To the quarter of the surroundings that is brightest.

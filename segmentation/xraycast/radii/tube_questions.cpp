@@ -75,6 +75,13 @@ TubeQuestion TubeQuestions::question(const GuessedTube& guessed, double across_m
   return q;
 }
 
+bool TubeQuestions::is_explained(const TubeAnswer& found) const {
+  constexpr double kShareIn = 0.7, kUneven = 0.12, kTimesNoise = 1.5;
+  const double contrast_hu = found.tube.contrast_hu();
+  return contrast_hu > 0 && found.share_in > kShareIn &&
+         found.rms_hu < kTimesNoise * std::hypot(scan_.noise_hu, kUneven * contrast_hu);
+}
+
 double TubeQuestions::misfit(const TubeAnswer& found) const {
   return std::max(1.0, found.rms_hu / std::max(scan_.noise_hu, 1.0));
 }
