@@ -275,11 +275,10 @@ TEST_P(ImageRadii, AreThoseOfTubesFromTwoVoxelsOn) {
     double sum_mm = 0, counted = 0;
     for (std::size_t i = points.size() / 4; i < 3 * points.size() / 4; ++i)
       sum_mm += points[i].radius_mm, ++counted;
-    // A tenth of a voxel; measured 0.08. A border of two tissues that runs past a vessel blurs into its wall,
+    // A tenth of a voxel; measured 0.09. A border of two tissues that runs past a vessel blurs into its wall,
     // and of a thin vessel the lumen's brightness is taken for that of most.
-    const double most_vox = shown.around == Around::two_tissues             ? 0.15
-                            : shown.around == Around::tissue_and_two_lumens ? 0.3
-                                                                            : 0.1;
+    const bool is_at_border = shown.around == Around::two_tissues && shown.blur_vox >= 1;
+    const double most_vox = is_at_border ? 0.15 : shown.around == Around::tissue_and_two_lumens ? 0.35 : 0.1;
     EXPECT_NEAR(sum_mm / counted / kVoxel_mm, kRadii_mm[b] / kVoxel_mm, most_vox) << b;
     for (std::size_t i = 0; i < points.size(); ++i)
       EXPECT_EQ(points[i].position_mm, tree.branches()[b].points[i].position_mm);

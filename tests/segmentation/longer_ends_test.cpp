@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -36,6 +37,9 @@ class BentVessel {
   /// At right angles to the arc's plane.
   glm::dvec3 aside() const { return glm::cross(across_, glm::dvec3(0, 0, 1)); }
   double noise_hu() const { return noise_hu_; }
+  /// Fat on one side of the arc's plane, from so many radii beside the axis on, in the place of that to the
+  /// left.
+  void lie_beside_fat(double radii) { fat_from_mm_ = radii * radius_mm_; }
   static constexpr double kLength_mm = 44;
 
   /// At a distance from the arc's begin; its middle is that of the scan.
@@ -69,7 +73,9 @@ class BentVessel {
             const glm::dvec3 sub(k % kSub, k / kSub % kSub, k / (kSub * kSub));
             inside += is_inside(geometry_.to_world_mm(glm::dvec3(x, y, z) + (sub - 1.0) / 3.0), to_mm);
           }
-          const bool is_fat = around_hu == kTissue_hu && x < geometry_.size.x / 4;
+          const double beside_mm = glm::dot(geometry_.to_world_mm(glm::dvec3(x, y, z)) - at(0), aside());
+          const bool is_fat =
+              fat_from_mm_ ? beside_mm > *fat_from_mm_ : around_hu == kTissue_hu && x < geometry_.size.x / 4;
           volume.at(x, y, z) = static_cast<std::int16_t>(
               std::lround(std::lerp(is_fat ? kFat_hu : around_hu, lumen_hu, inside / std::pow(kSub, 3)) +
                           noise_hu_ * normal(random_)));
@@ -109,6 +115,7 @@ class BentVessel {
   VolumeGeometry geometry_;
   double bend_mm_, radius_mm_, noise_hu_;
   glm::dvec3 across_;
+  std::optional<double> fat_from_mm_;
 };
 
 class LongerEndsOf : public testing::TestWithParam<std::uint32_t> {};
@@ -132,6 +139,20 @@ TEST_P(LongerEndsOf, AHalfTreeReachTheVesselsEnd) {
   for (const VesselPoint& p : found.followed[0]) {
     EXPECT_LT(p.radius_mm, 1.1 * vessel.radius_mm());
     EXPECT_GT(p.radius_mm, 0.7 * vessel.radius_mm());
+  }
+}
+
+TEST_P(LongerEndsOf, AVesselBesideFatReachItsEnd) {
+  // From fat about most of the vessel to fat behind a layer of tissue.
+  for (const double radii : {-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0}) {
+    BentVessel vessel(GetParam());
+    vessel.lie_beside_fat(radii);
+    constexpr double kEnd_mm = 40, kHalf_mm = 22;
+    const LongerEnds found = vessel.longer(vessel.tree(0, kHalf_mm), vessel.scan(kEnd_mm));
+    ASSERT_EQ(found.followed.size(), 1U) << radii;
+    EXPECT_LT(glm::distance(found.followed[0].back().position_mm, vessel.at(kEnd_mm)), 3) << radii;
+    // The layer is not taken for vessel.
+    for (const VesselPoint& p : found.followed[0]) EXPECT_LT(p.radius_mm, 1.2 * vessel.radius_mm()) << radii;
   }
 }
 

@@ -201,7 +201,7 @@ class EndFollower {
 
   /// The vessel about a place where it is expected; nothing where it is not seen.
   std::optional<VesselPoint> look(int leaf, const Front& expected, const Freedom& freedom) const {
-    constexpr double kRadius_vox = 0.1, kRadius = 0.1, kLumen = 0.6;
+    constexpr double kRadius_vox = 0.1, kRadius = 0.1, kLumen = 0.3;
     check_cancelled();
     const double voxel_mm = tubes_.voxel_mm(), radius_mm = expected.point.radius_mm;
     const auto [u, v] = axes_across(expected.tangent);
@@ -211,12 +211,45 @@ class EndFollower {
     if (!question) return std::nullopt;
     question->radius = {radius_mm, freedom.radius * (kRadius_vox * voxel_mm + kRadius * radius_mm)};
     question->off_x = question->off_y = {0, freedom.off_vox * voxel_mm};
-    const auto found = fit_tube(samples, *question);
+    const auto found = fit(samples, *question);
     if (!found || glm::length(found->tube.off_mm) > freedom.most_off_vox * voxel_mm ||
         !is_vessel(*found, radius_mm) || !goes_on(samples, found->tube, question->blur_mm))
       return std::nullopt;
     const glm::dvec2 off_mm = found->tube.off_mm;
     return VesselPoint{expected.point.position_mm + off_mm.x * u + off_mm.y * v, found->tube.radius_mm};
+  }
+
+  /// A tube in one tissue, or else in another one in each direction. Fat or an organ behind a thin layer of
+  /// tissue is left out of the former; the latter takes the layer for vessel.
+  std::optional<TubeAnswer> fit(const std::vector<SampleAcross>& samples,
+                                const TubeQuestion& question) const {
+    constexpr double kMiddle = 0.6;
+    TubeQuestion in_one = question;
+    auto& around_hu = in_one.start.around_hu;
+    in_one.is_even = true;
+    around_hu.fill(quantile({around_hu.begin(), around_hu.end()}, kMiddle));
+    const auto found = fit_tube(samples, in_one);
+    return found && tubes_.is_explained(*found) && is_alone(samples, found->tube, in_one)
+               ? found
+               : fit_tube(samples, question);
+  }
+
+  /// Whether hardly anything about a tube's wall is of another structure than the tube and the tissue that it
+  /// is in.
+  bool is_alone(const std::vector<SampleAcross>& samples, const Tube& tube,
+                const TubeQuestion& question) const {
+    constexpr double kAbout_vox = 0.8, kDeviations = 2.5, kLeast = 0.85;
+    const TubeProfile profile(tube.radius_mm, question.blur_mm);
+    double about = 0, own = 0;
+    for (const SampleAcross& s : samples) {
+      const double mm = glm::distance(s.at_mm, tube.off_mm);
+      if (std::abs(mm - tube.radius_mm) > kAbout_vox * tubes_.voxel_mm()) continue;
+      const double expected_hu =
+          tubes_.shown_hu(std::lerp(tube.around_hu.front(), tube.lumen_hu, profile.at(mm).share));
+      about += s.weight;
+      if (std::abs(s.hu - expected_hu) < kDeviations * question.noise_hu) own += s.weight;
+    }
+    return own > kLeast * about;
   }
 
   struct Asked {

@@ -17,11 +17,20 @@
 namespace xraycast {
 namespace {
 
-/// Parameters in the order of their equations.
-enum : Eigen::Index { kRadius, kTaper, kLumen, kOffX, kOffY, kAround };
-constexpr Eigen::Index kCount = kAround + static_cast<Eigen::Index>(Tube::kDirections);
-using Parameters = Eigen::Matrix<double, kCount, 1>;
-using Matrix = Eigen::Matrix<double, kCount, kCount>;
+/// Parameters in the order of their equations; those of slopes are left out where they are fixed.
+constexpr auto kDirections = static_cast<Eigen::Index>(Tube::kDirections);
+enum : Eigen::Index {
+  kRadius,
+  kTaper,
+  kLumen,
+  kOffX,
+  kOffY,
+  kAround,
+  kSlope = kAround + kDirections,
+  kMost = kSlope + kDirections
+};
+using Parameters = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMost, 1>;
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost>;
 
 /// One below two and a half deviations, none above five.
 double robust_weight(double deviations) {
@@ -38,7 +47,6 @@ struct Direction {
 };
 
 Direction direction_of(const glm::dvec2& at_mm) {
-  constexpr auto kDirections = static_cast<Eigen::Index>(Tube::kDirections);
   const double turns = std::atan2(at_mm.y, at_mm.x) / (2 * std::numbers::pi) + 1,
                place = turns * static_cast<double>(kDirections), below = std::floor(place);
   const auto first = static_cast<Eigen::Index>(below) % kDirections;
@@ -48,8 +56,11 @@ Direction direction_of(const glm::dvec2& at_mm) {
 
 /// Normal equations about some parameters, and what the residuals are there.
 struct Equations {
-  Matrix normal = Matrix::Zero();
-  Parameters gradient = Parameters::Zero();
+  explicit Equations(Eigen::Index count)
+      : normal(Matrix::Zero(count, count)), gradient(Parameters::Zero(count)) {}
+
+  Matrix normal;
+  Parameters gradient;
   double cost = 0;  ///< of residuals in deviations and of what is known, each squared
   double squares_hu2 = 0, all_squares_hu2 = 0, weight = 0, weight_in = 0;
 };
@@ -59,10 +70,13 @@ class TubeFit {
   TubeFit(std::span<const SampleAcross> samples, const TubeQuestion& question)
       : samples_(samples),
         question_(question),
+        has_slopes_(!question.is_even && !question.slope.is_fixed()),
+        count_(has_slopes_ ? kMost : kSlope),
         known_{question.radius, question.taper, question.lumen, question.off_x, question.off_y} {
     // Even surroundings are those of the first direction.
-    std::fill(known_.begin() + kAround, known_.end(), question.is_even ? Known{0, 0} : question.around);
+    std::fill_n(known_.begin() + kAround, kDirections, question.is_even ? Known{0, 0} : question.around);
     known_[kAround] = question.around;
+    std::fill_n(known_.begin() + kSlope, kDirections, question.slope);
     for (const SampleAcross& sample : samples)
       directions_.push_back(question.is_even ? Direction{0, 0, 0} : direction_of(sample.at_mm));
   }
@@ -70,7 +84,7 @@ class TubeFit {
   std::optional<TubeAnswer> answer() {
     constexpr int kSteps = 25;
     Parameters now = parameters_of(question_.start);
-    for (Eigen::Index k = 0; k < kCount; ++k)
+    for (Eigen::Index k = 0; k < count_; ++k)
       if (known(k).is_fixed()) now[k] = known(k).mean;
     double damping = 1e-3;
     Equations here = equations(now);
@@ -99,16 +113,18 @@ class TubeFit {
  private:
   const Known& known(Eigen::Index k) const { return known_[static_cast<std::size_t>(k)]; }
 
-  static Parameters parameters_of(const Tube& tube) {
-    Parameters p;
+  Parameters parameters_of(const Tube& tube) const {
+    Parameters p(count_);
     p.head<kAround>() << tube.radius_mm, tube.taper, tube.lumen_hu, tube.off_mm.x, tube.off_mm.y;
     std::ranges::copy(tube.around_hu, p.data() + kAround);
+    if (has_slopes_) std::ranges::copy(tube.slope_hu_per_mm, p.data() + kSlope);
     return p;
   }
 
   Tube tube_of(const Parameters& p) const {
-    Tube tube{p[kRadius], p[kTaper], p[kLumen], {p[kOffX], p[kOffY]}, {}};
-    std::copy_n(p.data() + kAround, Tube::kDirections, tube.around_hu.begin());
+    Tube tube{p[kRadius], p[kTaper], p[kLumen], {p[kOffX], p[kOffY]}, {}, {}};
+    std::copy_n(p.data() + kAround, kDirections, tube.around_hu.begin());
+    if (has_slopes_) std::copy_n(p.data() + kSlope, kDirections, tube.slope_hu_per_mm.begin());
     if (question_.is_even) tube.around_hu.fill(p[kAround]);
     return tube;
   }
@@ -121,7 +137,7 @@ class TubeFit {
   }
 
   struct Expected {
-    double hu, slope;  ///< of the scan's value by the contrast
+    double hu, by_value;  ///< its derivative
   };
 
   Expected expected(double value_hu) const {
@@ -132,7 +148,7 @@ class TubeFit {
 
   Equations equations(const Parameters& p) const {
     const TubeProfile profile(p[kRadius], question_.blur_mm);
-    Equations sum;
+    Equations sum(count_);
     for (std::size_t i = 0; i < samples_.size(); ++i)
       add_sample(p, profile, samples_[i], directions_[i], sum);
     sum.normal.triangularView<Eigen::StrictlyLower>() = sum.normal.transpose();
@@ -147,10 +163,13 @@ class TubeFit {
                  // A wall that is farther out is that of the middle seen from nearer to the axis.
         moved = std::max(distance - p[kTaper] * sample.along_mm, 0.0);
     const TubeProfile::Value at = profile.at(moved);
-    const Eigen::Index first = kAround + direction.first, second = kAround + direction.second;
-    const double around_hu = std::lerp(p[first], p[second], direction.fraction),
+    const Eigen::Index first = kAround + direction.first, second = kAround + direction.second,
+                       first_slope = kSlope + direction.first, second_slope = kSlope + direction.second;
+    const double beyond_mm = std::max(moved - question_.start.radius_mm, 0.0),
+                 slope = has_slopes_ ? std::lerp(p[first_slope], p[second_slope], direction.fraction) : 0,
+                 around_hu = std::lerp(p[first], p[second], direction.fraction) + beyond_mm * slope,
                  contrast_hu = p[kLumen] - around_hu;
-    const auto [hu, slope] = expected(around_hu + contrast_hu * at.share);
+    const auto [hu, by_value] = expected(around_hu + contrast_hu * at.share);
     const double residual = (sample.hu - hu) / question_.noise_hu, robust = robust_weight(residual),
                  weight = sample.weight * robust;
     sum.weight += sample.weight;
@@ -163,9 +182,9 @@ class TubeFit {
     sum.squares_hu2 += weight * residual * residual * noise2_hu2;
     sum.all_squares_hu2 += cost * noise2_hu2;
 
-    const double scale = slope / question_.noise_hu,
+    const double scale = by_value / question_.noise_hu,
                  outwards = -contrast_hu * at.by_distance / std::max(distance, 1e-6), outside = 1 - at.share;
-    const std::array<std::pair<Eigen::Index, double>, 7> row{{
+    const std::array<std::pair<Eigen::Index, double>, 9> row{{
         {kRadius, scale * contrast_hu * at.by_radius},
         {kTaper, -scale * contrast_hu * at.by_distance * sample.along_mm},
         {kLumen, scale * at.share},
@@ -173,16 +192,19 @@ class TubeFit {
         {kOffY, scale * outwards * from.y},
         {first, scale * outside * (1 - direction.fraction)},
         {second, scale * outside * direction.fraction},
+        {first_slope, scale * outside * beyond_mm * (1 - direction.fraction)},
+        {second_slope, scale * outside * beyond_mm * direction.fraction},
     }};
-    for (std::size_t a = 0; a < row.size(); ++a) {
+    const std::size_t terms = row.size() - (has_slopes_ ? 0 : 2);
+    for (std::size_t a = 0; a < terms; ++a) {
       sum.gradient[row[a].first] += weight * residual * row[a].second;
-      for (std::size_t b = a; b < row.size(); ++b)
+      for (std::size_t b = a; b < terms; ++b)
         sum.normal(row[a].first, row[b].first) += weight * row[a].second * row[b].second;
     }
   }
 
   void add_known(const Parameters& p, Equations& sum) const {
-    for (Eigen::Index k = 0; k < kCount; ++k) {
+    for (Eigen::Index k = 0; k < count_; ++k) {
       const auto [mean, deviation] = known(k);
       if (deviation == 0) {
         sum.normal.row(k).setZero();
@@ -203,7 +225,7 @@ class TubeFit {
 
   std::optional<TubeAnswer> answer_of(const Parameters& p, const Equations& sum) const {
     if (!p.allFinite() || sum.weight_in <= 0) return std::nullopt;
-    const Matrix covariance = sum.normal.ldlt().solve(Matrix::Identity());
+    const Matrix covariance = sum.normal.ldlt().solve(Matrix::Identity(count_, count_));
     return TubeAnswer{tube_of(p),
                       std::sqrt(std::max(covariance(kRadius, kRadius), 0.0)),
                       std::sqrt(std::max(covariance(kLumen, kLumen), 0.0)),
@@ -215,7 +237,9 @@ class TubeFit {
 
   std::span<const SampleAcross> samples_;
   const TubeQuestion& question_;
-  std::array<Known, kCount> known_;
+  bool has_slopes_;
+  Eigen::Index count_;  ///< of parameters
+  std::array<Known, kMost> known_;
   std::vector<Direction> directions_;
 };
 

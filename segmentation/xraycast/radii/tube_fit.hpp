@@ -19,15 +19,17 @@ struct SampleAcross {
   double hu;
 };
 
-/// What is fitted of a tube. The tissue about it may be another one in each of its directions.
+/// What is fitted of a tube. The tissue about it may be another one in each of its directions, and change
+/// outwards.
 struct Tube {
   static constexpr std::size_t kDirections = 16;
 
   double radius_mm = 0;
   double taper = 0;  ///< of the radius, along the line
   double lumen_hu = 0;
-  glm::dvec2 off_mm{0, 0};  ///< of its axis, from the line
-  std::array<double, kDirections> around_hu{};
+  glm::dvec2 off_mm{0, 0};                      ///< of its axis, from the line
+  std::array<double, kDirections> around_hu{};  ///< at the wall
+  std::array<double, kDirections> slope_hu_per_mm{};
 
   double contrast_hu() const;  ///< to the mean of what is around it
 };
@@ -49,8 +51,9 @@ struct TubeQuestion {
   const ScanResponse* response = nullptr;
   Tube start = {};
   Known radius = {}, taper = {}, lumen = {}, off_x = {}, off_y = {};
-  bool is_even = false;  ///< what is around is the same in all directions,
+  bool is_even = false;  ///< what is around is the same in all directions, without a slope,
   Known around = {};     ///< and this is known of it
+  Known slope = {0, 0};  ///< in each direction, from the start's radius on
 };
 
 struct TubeAnswer {

@@ -61,6 +61,8 @@ std::optional<GuessedTube> TubeQuestions::guess(std::span<const SampleAcross> sa
 
 TubeQuestion TubeQuestions::question(const GuessedTube& guessed, double across_mm, double radius_mm) const {
   constexpr double kUneven = 0.08;  // lumen and surroundings, of the contrast
+  // A border of two tissues, blurred, or a thin layer: a hundred HU within a few voxels.
+  constexpr double kSlope_hu_per_vox = 25;
   constexpr Known kZero{0, 0};
   const double contrast_hu = guessed.contrast_hu();
   TubeQuestion q{across_mm,
@@ -71,6 +73,8 @@ TubeQuestion TubeQuestions::question(const GuessedTube& guessed, double across_m
   if (scan_.response != nullptr) {
     q.is_even = true;
     q.around = {0, kUneven * contrast_hu};
+  } else {
+    q.slope = {0, kSlope_hu_per_vox / voxel_mm_};
   }
   return q;
 }
@@ -78,7 +82,7 @@ TubeQuestion TubeQuestions::question(const GuessedTube& guessed, double across_m
 bool TubeQuestions::is_explained(const TubeAnswer& found) const {
   constexpr double kShareIn = 0.7, kUneven = 0.12, kTimesNoise = 1.5;
   const double contrast_hu = found.tube.contrast_hu();
-  return contrast_hu > 0 && found.share_in > kShareIn &&
+  return contrast_hu > scan_.noise_hu && found.share_in > kShareIn &&
          found.rms_hu < kTimesNoise * std::hypot(scan_.noise_hu, kUneven * contrast_hu);
 }
 

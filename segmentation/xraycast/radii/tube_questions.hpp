@@ -53,8 +53,8 @@ class TubeQuestions {
   /// radius, lumen and surroundings are free. `across_mm` is the blur.
   TubeQuestion question(const GuessedTube& guessed, double across_mm, double radius_mm) const;
 
-  /// Whether a tube brighter than what is around it explains its samples, as far as noise and uneven tissue
-  /// allow, and few of them are of another structure.
+  /// Whether a tube that is brighter than what is around it, by more than the noise, explains its samples, as
+  /// far as noise and uneven tissue allow, and few of them are of another structure.
   bool is_explained(const TubeAnswer& found) const;
 
   /// By how much residuals exceed the noise.
