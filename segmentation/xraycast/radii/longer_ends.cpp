@@ -162,7 +162,7 @@ class EndFollower {
           asked(leaf, {{points[i].position_mm, now_mm}, glm::normalize(along)}, kLumen);
       if (question) {
         question->radius = {first_mm, kRadius * first_mm};
-        if (const auto found = fit_tube(samples, *question))
+        if (const auto found = fit(samples, *question))
           now_mm = std::min(std::lerp(now_mm, found->tube.radius_mm, kNewRadius), first_mm);
       }
       points[i].radius_mm = now_mm;
@@ -223,33 +223,45 @@ class EndFollower {
   /// tissue is left out of the former; the latter takes the layer for vessel.
   std::optional<TubeAnswer> fit(const std::vector<SampleAcross>& samples,
                                 const TubeQuestion& question) const {
-    constexpr double kMiddle = 0.6;
-    TubeQuestion in_one = question;
-    auto& around_hu = in_one.start.around_hu;
-    in_one.is_even = true;
-    around_hu.fill(quantile({around_hu.begin(), around_hu.end()}, kMiddle));
-    const auto found = fit_tube(samples, in_one);
-    return found && tubes_.is_explained(*found) && is_alone(samples, found->tube, in_one)
-               ? found
-               : fit_tube(samples, question);
+    if (!question.is_even) {
+      constexpr double kBrighter = 0.6;
+      TubeQuestion in_one = question;
+      auto& around_hu = in_one.start.around_hu;
+      in_one.is_even = true;
+      around_hu.fill(quantile({around_hu.begin(), around_hu.end()}, kBrighter));
+      const auto found = fit_tube(samples, in_one);
+      if (found && tubes_.is_explained(*found) && has_clear_wall(samples, found->tube, in_one)) return found;
+    }
+    return fit_tube(samples, question);
   }
 
-  /// Whether hardly anything about a tube's wall is of another structure than the tube and the tissue that it
-  /// is in.
-  bool is_alone(const std::vector<SampleAcross>& samples, const Tube& tube,
-                const TubeQuestion& question) const {
-    constexpr double kAbout_vox = 0.8, kDeviations = 2.5, kLeast = 0.85;
+  /// Whether most of what is about the wall of a tube in one tissue is of these two, and nothing beside it is
+  /// nearly as bright as its lumen.
+  bool has_clear_wall(const std::vector<SampleAcross>& samples, const Tube& tube,
+                      const TubeQuestion& question) const {
+    constexpr double kAbout_vox = 0.8, kBeside_vox = 2, kDeviations = 2.5, kLeast = 0.85;
     const TubeProfile profile(tube.radius_mm, question.blur_mm);
     double about = 0, own = 0;
+    std::array<double, Tube::kDirections> off_hu{}, beside{};
     for (const SampleAcross& s : samples) {
-      const double mm = glm::distance(s.at_mm, tube.off_mm);
-      if (std::abs(mm - tube.radius_mm) > kAbout_vox * tubes_.voxel_mm()) continue;
-      const double expected_hu =
-          tubes_.shown_hu(std::lerp(tube.around_hu.front(), tube.lumen_hu, profile.at(mm).share));
-      about += s.weight;
-      if (std::abs(s.hu - expected_hu) < kDeviations * question.noise_hu) own += s.weight;
+      const glm::dvec2 from_mm = s.at_mm - tube.off_mm;
+      const double out_vox = (glm::length(from_mm) - tube.radius_mm) / tubes_.voxel_mm(),
+                   share = profile.at(glm::length(from_mm)).share,
+                   residual_hu = s.hu - std::lerp(tube.around_hu.front(), tube.lumen_hu, share);
+      if (std::abs(out_vox) < kAbout_vox) {
+        about += s.weight;
+        if (std::abs(residual_hu) < kDeviations * question.noise_hu) own += s.weight;
+      }
+      if (out_vox > 0 && out_vox < kBeside_vox) {
+        const std::size_t side = nearest_direction(from_mm);
+        off_hu[side] += s.weight * residual_hu;
+        beside[side] += s.weight;
+      }
     }
-    return own > kLeast * about;
+    Tube sides = tube;
+    for (std::size_t k = 0; k < Tube::kDirections; ++k)
+      if (beside[k] > 0) sides.around_hu[k] += off_hu[k] / beside[k];
+    return own > kLeast * about && is_apart(sides, tube.contrast_hu());
   }
 
   struct Asked {
@@ -288,14 +300,15 @@ class EndFollower {
   }
 
   bool is_vessel(const TubeAnswer& found, double before_mm) const {
-    constexpr double kThinner = 0.7, kWider = 1.3, kOnEachSide = 0.15;
+    constexpr double kThinner = 0.7, kWider = 1.3;
     const double radius_mm = found.tube.radius_mm;
     return tubes_.is_explained(found) && radius_mm > kThinner * before_mm && radius_mm < kWider * before_mm &&
-           least_contrast_hu(found.tube) > kOnEachSide * found.tube.contrast_hu();
+           is_apart(found.tube, found.tube.contrast_hu());
   }
 
-  /// To the quarter of the surroundings that is brightest.
-  static double least_contrast_hu(const Tube& tube) {
+  /// Whether a lumen is brighter than the quarter of its surroundings that is brightest.
+  static bool is_apart(const Tube& tube, double contrast_hu) {
+    constexpr double kLeast = 0.15;
     constexpr std::size_t kQuarter = Tube::kDirections / 4;
     double brightest_hu = -std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < Tube::kDirections; ++k) {
@@ -303,7 +316,7 @@ class EndFollower {
       for (std::size_t i = 0; i < kQuarter; ++i) sum_hu += tube.around_hu[(k + i) % Tube::kDirections];
       brightest_hu = std::max(brightest_hu, sum_hu / kQuarter);
     }
-    return tube.lumen_hu - brightest_hu;
+    return tube.lumen_hu - brightest_hu > kLeast * contrast_hu;
   }
 
   /// Whether the tube is there in what lies ahead too: half of its window is in the vessel before.

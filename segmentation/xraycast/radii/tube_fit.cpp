@@ -165,7 +165,7 @@ class TubeFit {
     const TubeProfile::Value at = profile.at(moved);
     const Eigen::Index first = kAround + direction.first, second = kAround + direction.second,
                        first_slope = kSlope + direction.first, second_slope = kSlope + direction.second;
-    const double beyond_mm = std::max(moved - question_.start.radius_mm, 0.0),
+    const double beyond_mm = std::max(moved - p[kRadius], 0.0),
                  slope = has_slopes_ ? std::lerp(p[first_slope], p[second_slope], direction.fraction) : 0,
                  around_hu = std::lerp(p[first], p[second], direction.fraction) + beyond_mm * slope,
                  contrast_hu = p[kLumen] - around_hu;
@@ -182,11 +182,13 @@ class TubeFit {
     sum.squares_hu2 += weight * residual * residual * noise2_hu2;
     sum.all_squares_hu2 += cost * noise2_hu2;
 
-    const double scale = by_value / question_.noise_hu,
-                 outwards = -contrast_hu * at.by_distance / std::max(distance, 1e-6), outside = 1 - at.share;
+    const double scale = by_value / question_.noise_hu, outside = 1 - at.share,
+                 around_by_distance = beyond_mm > 0 ? outside * slope : 0,
+                 by_distance = contrast_hu * at.by_distance + around_by_distance,
+                 outwards = -by_distance / std::max(distance, 1e-6);
     const std::array<std::pair<Eigen::Index, double>, 9> row{{
-        {kRadius, scale * contrast_hu * at.by_radius},
-        {kTaper, -scale * contrast_hu * at.by_distance * sample.along_mm},
+        {kRadius, scale * (contrast_hu * at.by_radius - around_by_distance)},
+        {kTaper, -scale * by_distance * sample.along_mm},
         {kLumen, scale * at.share},
         {kOffX, scale * outwards * from.x},
         {kOffY, scale * outwards * from.y},

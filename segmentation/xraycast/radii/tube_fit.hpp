@@ -29,7 +29,7 @@ struct Tube {
   double lumen_hu = 0;
   glm::dvec2 off_mm{0, 0};                      ///< of its axis, from the line
   std::array<double, kDirections> around_hu{};  ///< at the wall
-  std::array<double, kDirections> slope_hu_per_mm{};
+  std::array<double, kDirections> slope_hu_per_mm{};  ///< from there outwards
 
   double contrast_hu() const;  ///< to the mean of what is around it
 };
@@ -53,7 +53,7 @@ struct TubeQuestion {
   Known radius = {}, taper = {}, lumen = {}, off_x = {}, off_y = {};
   bool is_even = false;  ///< what is around is the same in all directions, without a slope,
   Known around = {};     ///< and this is known of it
-  Known slope = {0, 0};  ///< in each direction, from the start's radius on
+  Known slope = {0, 0};  ///< in each direction, from the wall on
 };
 
 struct TubeAnswer {

@@ -75,12 +75,15 @@ class SkeletonPruner {
   }
 
   void open_cycles() {
+    constexpr double kHole_vox = 2;
     UnionFind trees(graph_.nodes.size());
     for (const int e : thickest_first()) {
       const auto [a, b] = edge(e).nodes;
       if (trees.unite(static_cast<std::size_t>(b), static_cast<std::size_t>(a))) continue;
-      const double circumference_mm = 2 * std::numbers::pi * std::max(radius_mm(a), radius_mm(b));
-      if (length_mm(edge(e).points_mm) < circumference_mm)
+      // Where a mask is full of holes, hardly a sphere fits in.
+      const double around_hole_mm =
+          2 * std::numbers::pi * std::max({radius_mm(a), radius_mm(b), kHole_vox * lumen_.voxel_mm()});
+      if (length_mm(edge(e).points_mm) < around_hole_mm)
         remove(e);
       else
         cut_open(e);
