@@ -1,6 +1,7 @@
 #include "xraycast/segmentation/poor_results.hpp"
 
 #include <fmt/format.h>
+#include <glm/geometric.hpp>
 
 #include <algorithm>
 #include <optional>

@@ -169,10 +169,13 @@ void remove_trabecular_bone(Mask& mask, const Mask& bone, Progress& progress) {
 /// The rim of a lumen, its dense wall and its holes.
 void complete_lumen(const Volume& scan, const ChosenWindow& window, const Mask& bright, const Mask& bone,
                     Mask& vessels, Progress& progress) {
-  if (window.is_of_seeds)
-    add_half_filled_rim(scan, between(scan, window.hu.high_hu, kMaxHu), vessels);
-  else
+  if (window.is_of_seeds) {
+    Mask denser = between(scan, window.hu.high_hu, kMaxHu);
+    unite(denser, bone);
+    add_half_filled_rim(scan, denser, vessels);
+  } else {
     add_partial_volume_rim(bright, vessels);
+  }
   progress.advance();
   if (!window.is_of_seeds) add_dense_wall(scan, window.hu, bone, vessels);
   progress.advance();

@@ -1,5 +1,6 @@
 #include "xraycast/segmentation/vesselness.hpp"
 
+#include "xraycast/base/parallel.hpp"
 #include "xraycast/evidence/block_filter.hpp"
 
 #include <algorithm>
