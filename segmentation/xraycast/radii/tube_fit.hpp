@@ -27,8 +27,8 @@ struct Tube {
   double radius_mm = 0;
   double taper = 0;  ///< of the radius, along the line
   double lumen_hu = 0;
-  glm::dvec2 off_mm{0, 0};                      ///< of its axis, from the line
-  std::array<double, kDirections> around_hu{};  ///< at the wall
+  glm::dvec2 off_mm{0, 0};                            ///< of its axis, from the line
+  std::array<double, kDirections> around_hu{};        ///< at the wall
   std::array<double, kDirections> slope_hu_per_mm{};  ///< from there outwards
 
   double contrast_hu() const;  ///< to the mean of what is around it
