@@ -4,7 +4,7 @@
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/union_find.hpp"
 #include "xraycast/mask/distance_transform.hpp"
-#include "xraycast/segmentation/smoothed_mask.hpp"
+#include "xraycast/mask/smoothed_mask.hpp"
 
 #include <glm/common.hpp>
 

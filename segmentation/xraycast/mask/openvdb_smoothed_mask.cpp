@@ -1,6 +1,6 @@
 // A module of its own, which smoothed_mask.cpp loads. It uses only headers of this project.
 
-#include "xraycast/segmentation/smoothed_mask.hpp"
+#include "xraycast/mask/smoothed_mask.hpp"
 
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Composite.h>

@@ -1,4 +1,4 @@
-#include "xraycast/segmentation/smoothed_mask.hpp"
+#include "xraycast/mask/smoothed_mask.hpp"
 
 #include "xraycast/base/loaded_module.hpp"
 
