@@ -307,11 +307,11 @@ TEST_P(ImageRadii, AreThoseOfTubesFromTwoVoxelsOn) {
       sum_mm += points[i].radius_mm, ++counted;
     // A tenth of a voxel; measured 0.09. A border of two tissues that runs past a vessel blurs into its wall:
     // measured 0.14. Of a thin vessel that holds less contrast agent, the lumen is taken for that of most:
-    // measured 0.33.
+    // measured 0.28, by other seeds 0.33.
     const bool is_at_border = shown.around == Around::two_tissues && shown.blur_vox >= 1,
                is_thin_and_diluted =
                    shown.around == Around::tissue_and_two_lumens && b + 1 == kRadii_mm.size();
-    const double most_vox = is_thin_and_diluted ? 0.35 : is_at_border ? 0.15 : 0.1;
+    const double most_vox = is_thin_and_diluted ? 0.3 : is_at_border ? 0.15 : 0.1;
     EXPECT_NEAR(sum_mm / counted / kVoxel_mm, kRadii_mm[b] / kVoxel_mm, most_vox) << b;
     for (std::size_t i = 0; i < points.size(); ++i)
       EXPECT_EQ(points[i].position_mm, tree.branches()[b].points[i].position_mm);

@@ -245,9 +245,9 @@ class EndFollower {
     std::array<double, Tube::kDirections> off_hu{}, beside{};
     for (const SampleAcross& s : samples) {
       const glm::dvec2 from_mm = s.at_mm - tube.off_mm;
-      const double out_vox = (glm::length(from_mm) - tube.radius_mm) / tubes_.voxel_mm(),
-                   share = profile.at(glm::length(from_mm)).share,
-                   residual_hu = s.hu - std::lerp(tube.around_hu.front(), tube.lumen_hu, share);
+      const double mm = glm::length(from_mm), out_vox = (mm - tube.radius_mm) / tubes_.voxel_mm(),
+                   residual_hu =
+                       s.hu - std::lerp(tube.around_hu.front(), tube.lumen_hu, profile.at(mm).share);
       if (std::abs(out_vox) < kAbout_vox) {
         about += s.weight;
         if (std::abs(residual_hu) < kDeviations * question.noise_hu) own += s.weight;
